@@ -6,7 +6,7 @@ from __future__ import annotations
 from softlab.app.plan.passes import BackendPlan, Pass, cpu_plan, fused_passes, gpu_device, merged_passes
 from softlab.model.core.plan import Plan
 from softlab.model.core.simulation import PRECISIONS
-from softlab.model.mass_spring.cloth_plan import PRODUCT_STAGE, kicks_meet
+from softlab.model.mass_spring.cloth_plan import PRODUCT_STAGE, kicks_coupled
 from softlab.model.scene.scene import Scene
 
 
@@ -18,7 +18,7 @@ def cloth_passes(plan: Plan, precision: str, memory_fraction: float, note: str) 
     """
     if plan.has(PRODUCT_STAGE):
         return implicit_passes(plan, precision, memory_fraction, note)
-    return fused_passes(plan, precision, memory_fraction, note, combine_kicks=kicks_meet(plan.parts))
+    return fused_passes(plan, precision, memory_fraction, note, combine_kicks=kicks_coupled(plan.parts))
 
 
 def implicit_passes(plan: Plan, precision: str, memory_fraction: float, note: str) -> tuple[Pass, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from softlab.app.plan.passes import BackendPlan, cpu_plan, fused_passes, gpu_device
-from softlab.model.core.own_forces import own_forces
+from softlab.model.core.own_forces import particle_forces
 from softlab.model.core.plan import Plan
 from softlab.model.core.simulation import PRECISIONS
 from softlab.model.formulas.springs import OPERATIONS_SPRING_2D
@@ -18,7 +18,7 @@ def grid_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     from softlab.cpu_backend.mass_spring.grid.choice import LEVELS, default_kernel
 
     kernel, why = default_kernel(scene, PRECISIONS[precision])
-    sums = scene.method.integrator == "rk4" or own_forces(plan.parts) or "alternating" in plan.parts
+    sums = scene.method.integrator == "rk4" or particle_forces(plan.parts) or "alternating" in plan.parts
     loops = "through rows of sums" if sums else "one loop along a row"
     note = {"tiled": f"{loops}, {LEVELS} steps in flight"}.get(kernel, f"{loops}, a band of rows per thread")
     memory_fraction = 1 / LEVELS if kernel == "tiled" else 1.0

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from softlab.model.core.own_forces import own_forces
+from softlab.model.core.own_forces import particle_forces
 from softlab.model.core.plan import Node, Plan, Stage
 from softlab.model.core.simulation import PRECISIONS
 
@@ -112,7 +112,7 @@ def fused_groups(plan: Plan, combine_kicks: bool) -> list[list[Stage]]:
         kick = named["second half kick"]
         moved = [named[name] for name in ("first half kick and drift", "collide", "pins") if name in named]
         if combine_kicks:
-            changing = {force.stage for force in own_forces(plan.parts) if force.changes}
+            changing = {force.stage for force in particle_forces(plan.parts) if force.changes}
             again = [stage for stage in first if stage.name in changing]
             return [[*last, *again, kick, *moved]]
         return [[*first, *moved], [*last, kick]]

@@ -38,7 +38,7 @@ PLANE, SPHERE, CAPSULE, BOX, MESH, FIELD = range(len(COLLIDER_KINDS))  # numbers
 
 
 def make_push(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
-    """Make `point`, `answer` and `push`. `point(body, time)`: position of a collider. `answer(body, slow, v, n)`:
+    """Make `point`, `response` and `push`. `point(body, time)`: position of a collider. `response(body, slow, v, n)`:
     velocity of a mass after contact. `push`: see the inner function."""
     compiled, sums = compiler.compiled, cloth.make(real, compiler.compiled)
     formulas, moved, pushed = colliders.make(real, compiled), sums.moved, sums.pushed
@@ -56,7 +56,7 @@ def make_push(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNam
         )  # fmt: skip
 
     @compiled
-    def answer(body, slow, vx, vy, vz, nx, ny, nz):
+    def response(body, slow, vx, vy, vz, nx, ny, nz):
         static, dynamic = zero, zero
         if has_friction:
             static, dynamic = body[B_STATIC], body[B_DYNAMIC]
@@ -74,13 +74,13 @@ def make_push(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNam
             depth = thickness - distance
             px, py, pz = pushed(px, depth, nx), pushed(py, depth, ny), pushed(pz, depth, nz)
             bx, by, bz = vx, vy, vz
-            vx, vy, vz = answer(body, slow, vx, vy, vz, nx, ny, nz)
+            vx, vy, vz = response(body, slow, vx, vy, vz, nx, ny, nz)
             if in_place:
                 dx, dy, dz = slid(slow[1], vx, vy, vz, bx, by, bz, nx, ny, nz)
                 px, py, pz = px + dx, py + dy, pz + dz
         return (px, py, pz), (vx, vy, vz)
 
-    return SimpleNamespace(point=point, answer=answer, push=push)
+    return SimpleNamespace(point=point, response=response, push=push)
 
 
 def make_touches(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
@@ -91,7 +91,7 @@ def make_touches(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
     formulas, between = colliders.make(real, compiled), cloth.make(real, compiled).between
     plane, sphere, capsule, box = formulas.plane, formulas.sphere, formulas.capsule, formulas.box
     pushing, sphere_entry = make_push(compiler, real, parts), formulas.sphere_entry
-    point, answer, push = pushing.point, pushing.answer, pushing.push
+    point, response, push = pushing.point, pushing.response, pushing.push
     has_friction, bounces, in_place = "friction" in parts, "restitution" in parts, FRICTION_IN_PLACE in parts
     zero, one = real(0), real(1)
 
@@ -113,7 +113,7 @@ def make_touches(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
         if part < one:
             dx, dy, dz = between(ax, dx, part), between(ay, dy, part), between(az, dz, part)
             _, nx, ny, nz = sphere(dx, dy, dz, radius)
-            return (cx + dx, cy + dy, cz + dz), answer(body, slow, v[0], v[1], v[2], nx, ny, nz)
+            return (cx + dx, cy + dy, cz + dz), response(body, slow, v[0], v[1], v[2], nx, ny, nz)
         distance, nx, ny, nz = sphere(dx, dy, dz, radius)
         return push(body, slow, distance, (nx, ny, nz), p, v)
 
@@ -136,7 +136,7 @@ def make_touches(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
 
     def of_surface(topic: Any) -> Any:
         """Make the swept test in the collider's own frame (model/formulas/frame.py)."""
-        meet = topic.make(real, compiled, bounces, in_place).touch
+        touch_at = topic.make(real, compiled, bounces, in_place).touch
 
         @compiled
         def touch_surface(body, begin, end, slow, a, p, v):
@@ -145,7 +145,7 @@ def make_touches(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
                 static, dynamic = body[B_STATIC], body[B_DYNAMIC]
             if bounces:
                 restitution = body[B_RESTITUTION]
-            x, y, z, vx, vy, vz = meet(
+            x, y, z, vx, vy, vz = touch_at(
                 body, np.int32(body[B_TREE]), body[B_THICKNESS], static, dynamic, body[B_X], body[B_Y], body[B_Z],
                 body[B_VX], body[B_VY], body[B_VZ], body[B_U], body[B_V], body[B_W], body[B_SPIN], body[B_TURNS], begin,
                 end, *a, *p, *v, restitution, slow,

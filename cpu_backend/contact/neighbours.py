@@ -8,7 +8,7 @@ import numpy as np
 
 from softlab.cpu_backend.contact.arrays import Lists, PairRows, Particles, Search, Sorted, Table
 from softlab.cpu_backend.contact.particles_cells import AXES, BOX
-from softlab.cpu_backend.contact.particles_find import PLACES, ROOM, make_find_stage
+from softlab.cpu_backend.contact.particles_find import PLACES, RUN_INTEGERS, make_find_stage
 from softlab.cpu_backend.core.layout import aligned_zeros
 from softlab.model.contact.particle_parameters import MAX_NEIGHBOURS
 from softlab.model.formulas.shape_matching.cluster import LANES
@@ -25,7 +25,7 @@ class Neighbours:
     (model/contact/particle_parameters.py).
 
     Lists are in the order of cells, then of numbers, the same for any number of threads. `lost`: neighbours beyond the
-    MAX_NEIGHBOURS of a particle, since the object was made. `search`: the arrays of kernels, `found` the result among
+    MAX_NEIGHBOURS of a particle, since the object was made. `search`: the arrays of kernels, `stored` the result among
     them.
     """
 
@@ -38,29 +38,29 @@ class Neighbours:
         totals, begins, active, lost = (np.zeros(bands, np.int64) for _ in range(4))
         buckets, starts = np.zeros(count, np.int32), np.zeros(cells + 1, np.int32)
         table = Table(np.zeros(AXES * count, np.int32), boxes, low, counts, holds, buckets, starts, totals)
-        order, bodies, runs = (np.zeros(n, np.int32) for n in (ahead, ahead, ROOM * bands))
+        order, bodies, runs = (np.zeros(n, np.int32) for n in (ahead, ahead, RUN_INTEGERS * bands))
         in_order = Sorted(order, aligned_zeros(PLACES * ahead, real), bodies, runs)
         who, entries = (np.zeros(n, np.uint32) for n in (count, most))  # unsigned: no check for negative indices
         many, pairs = np.zeros(count, np.int32), np.zeros(most, np.int32)
-        self.found = Lists(who, many, entries, pairs, begins, active, lost)
-        self.search = Search(Particles(body, kind, rest), table, in_order, self.found)
+        self.pair_lists = Lists(who, many, entries, pairs, begins, active, lost)
+        self.search = Search(Particles(body, kind, rest), table, in_order, self.pair_lists)
         self._find = make_find_stage(real, math)
 
-    def find(self, position: np.ndarray, weights: np.ndarray, record: np.ndarray, reach: Any) -> None:
+    def find(self, position: np.ndarray, weights: np.ndarray, record: np.ndarray, search_radius: Any) -> None:
         """Search from `position`, three planes, flat. `weights` (count,): a particle of weight 0 has no neighbours.
-        `record`, `reach`: rows of pairs, and the largest distance between neighbours."""
-        self._find(self.bands, position, weights, PairRows(record, reach, self.kinds), self.search)
+        `record`, `search_radius`: rows of pairs, and the largest distance between neighbours."""
+        self._find(self.bands, position, weights, PairRows(record, search_radius, self.kinds), self.search)
 
     @property
     def lost(self) -> int:
-        return int(self.found.lost.sum())
+        return int(self.pair_lists.lost.sum())
 
     def lists(self) -> dict[int, list[int]]:
         """Return, by place of a particle, the places of its neighbours in their order, if it has any."""
-        found, lists = self.found, dict[int, list[int]]()
-        for first, number in zip(found.begins, found.active, strict=True):
+        stored, lists = self.pair_lists, dict[int, list[int]]()
+        for first, number in zip(stored.begins, stored.active, strict=True):
             entry = int(first) * MAX_NEIGHBOURS
             for n in range(int(first), int(first + number)):
-                lists[int(found.who[n])] = found.entries[entry : entry + found.numbers[n]].tolist()
-                entry += int(found.numbers[n])
+                lists[int(stored.who[n])] = stored.entries[entry : entry + stored.numbers[n]].tolist()
+                entry += int(stored.numbers[n])
         return lists

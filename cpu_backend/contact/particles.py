@@ -15,7 +15,7 @@ from softlab.cpu_backend.contact.particles_cells import AXES
 from softlab.cpu_backend.contact.particles_project import make_clear_stage, make_project_stage
 from softlab.cpu_backend.core.layout import aligned_zeros
 from softlab.model.contact.particle_parameters import (
-    G_REACH,
+    G_SEARCH_RADIUS,
     MAX_NEIGHBOURS,
     kinds_of_particles,
     pair_rows,
@@ -55,7 +55,7 @@ class ParticleContacts:
     def change(self, scene: Scene) -> None:
         """Apply the parameters that may change during a run."""
         self.record = particle_contact_record(scene, self.real)
-        self.reach = self.real(pair_rows(scene)[:, :, G_REACH].max())
+        self.reach = self.real(pair_rows(scene)[:, :, G_SEARCH_RADIUS].max())
 
     @property
     def lost(self) -> int:
@@ -70,7 +70,7 @@ class ParticleContacts:
     def find(self, position: np.ndarray, weights: np.ndarray) -> None:
         self.neighbours.find(position, weights, self.record, self.reach)
         if self._keeps:
-            self._clear(self.bands, self.neighbours.found, self._contacts)
+            self._clear(self.bands, self.neighbours.pair_lists, self._contacts)
 
     def project(
         self,
@@ -83,11 +83,11 @@ class ParticleContacts:
         """Sweep over the contacts. `travel`: of shape_matching/particles.py, if bodies are rigid; `couples`: of
         shape_matching/couples.py, if friction turns clusters."""
         self._project(
-            self.bands, self.sweeps, before, position, weights, self.record, self.neighbours.found, self._contacts,
+            self.bands, self.sweeps, before, position, weights, self.record, self.neighbours.pair_lists, self._contacts,
             *(np.zeros_like(position) if one is None else one for one in (travel, couples)),
         )  # fmt: skip
 
     def bounce(self, position: np.ndarray, velocity: np.ndarray, weights: np.ndarray) -> None:
         self._bounce(
-            self.bands, position, self.old, velocity, weights, self.record, self.neighbours.found, self._contacts
+            self.bands, position, self.old, velocity, weights, self.record, self.neighbours.pair_lists, self._contacts
         )

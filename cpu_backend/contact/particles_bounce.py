@@ -12,10 +12,10 @@ import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
-from softlab.cpu_backend.core.progress import shares
+from softlab.cpu_backend.core.progress import assigned
 from softlab.model.contact.particle_parameters import (
     G_DISTANCE,
-    G_OWN,
+    G_SELF_DISTANCE,
     H_INVERSE_SUBSTEP,
     H_RESTITUTION,
     H_SETTLING,
@@ -26,7 +26,7 @@ from softlab.model.formulas.shape_matching import rebound
 
 
 def make_passes(compiler: Compiler, real: Any, scaled: bool, has_rigid: bool = False) -> SimpleNamespace:
-    """Make `tell`, `push`, `put` (see the inner functions), for a `band` of the particles that have neighbours.
+    """Make `count_contacts`, `push`, `put` (see the inner functions), for a `band` of the particles that have neighbours.
 
     `scaled`: impulses of a pair are multiplied by the smaller one of both particles' `scales`. `has_rigid`: `travel` is
     read, as in shape_matching/particles.py. Two particles of rigid bodies, which have slacks, then separate as those do
@@ -35,7 +35,7 @@ def make_passes(compiler: Compiler, real: Any, scaled: bool, has_rigid: bool = F
     formulas = particle_contact.make(real, compiler.compiled)
     squared, touching, direction = formulas.squared, formulas.touching, formulas.direction
     lacking, split, added, moved = formulas.lacking, formulas.split, formulas.added, formulas.moved
-    parting, impulse_of, struck = formulas.parting, formulas.impulse, formulas.impulse_added
+    parting, impulse_of, impulse_added = formulas.parting, formulas.impulse, formulas.impulse_added
     whole = rebound.make(real, compiler.compiled)
     factor_of, squared_impulse, wanted, zero = whole.shared, whole.squared, whole.wanted, real(0)
 
@@ -44,7 +44,7 @@ def make_passes(compiler: Compiler, real: Any, scaled: bool, has_rigid: bool = F
         """Return how much faster particles i and j must separate, and the unit normal from j to i. `pressed`: their
         contact in the substep."""
         x, y, z = position, row_at(position, np.int64(count)), row_at(position, np.int64(2 * count))
-        distance = record[pair + G_DISTANCE] if pair >= 0 else record[-1 - pair + G_OWN]
+        distance = record[pair + G_DISTANCE] if pair >= 0 else record[-1 - pair + G_SELF_DISTANCE]
         dx, dy, dz = x[i] - x[j], y[i] - y[j], z[i] - z[j]
         if not touching(squared(dx, dy, dz), distance):
             return zero, zero, zero, zero
@@ -62,7 +62,7 @@ def make_passes(compiler: Compiler, real: Any, scaled: bool, has_rigid: bool = F
         return lacking(ax, ay, az, bx, by, bz, nx, ny, nz, e, settling), nx, ny, nz
 
     @compiler.compiled
-    def tell(band, count, position, old, velocity, record, lists, contacts, travel):
+    def count_contacts(band, count, position, old, velocity, record, lists, contacts, travel):
         """Store the contacts of each particle that must separate faster in `acting`, one particle after the other, and
         their numbers in `counts`. Returns True if there are any."""
         who, numbers, entries, pairs, acting = lists.who, lists.numbers, lists.entries, lists.pairs, contacts.acting
@@ -91,15 +91,15 @@ def make_passes(compiler: Compiler, real: Any, scaled: bool, has_rigid: bool = F
         place = np.int64(first) * MAX_NEIGHBOURS
         for n in range(first, last):
             i = lists.who[n]
-            mine, weight = counts[i], weights[i]
-            if mine == zero:
+            contact_count, weight = counts[i], weights[i]
+            if contact_count == zero:
                 continue
             x, y, z, squares = zero, zero, zero, zero
-            for a in range(place, place + np.int64(mine)):
+            for a in range(place, place + np.int64(contact_count)):
                 j, pair = lists.entries[acting[a]], lists.pairs[acting[a]]
                 by = contacts.pressed[acting[a]] if has_rigid else zero
                 lack, nx, ny, nz = lack_of(i, j, pair, count, position, old, velocity, record, travel, by)
-                share = split(weight, mine, weights[j], counts[j])
+                fraction = split(weight, contact_count, weights[j], counts[j])
                 if scaled:
                     by_i, by_j = row_at(scales, np.int64(i)), row_at(scales, np.int64(j))
                     lack = lack * factor_of(
@@ -112,14 +112,18 @@ def make_passes(compiler: Compiler, real: Any, scaled: bool, has_rigid: bool = F
                         by_j[2 * count],
                     )
                 if has_rigid:
-                    given = impulse_of(share, lack, max(by, zero), record[H_INVERSE_SUBSTEP])
-                    x, y, z = struck(x, given, nx), struck(y, given, ny), struck(z, given, nz)
-                    squares = squared_impulse(squares, given)
+                    impulse = impulse_of(fraction, lack, max(by, zero), record[H_INVERSE_SUBSTEP])
+                    x, y, z = (
+                        impulse_added(x, impulse, nx),
+                        impulse_added(y, impulse, ny),
+                        impulse_added(z, impulse, nz),
+                    )
+                    squares = squared_impulse(squares, impulse)
                 else:
-                    x, y, z = added(x, share, lack, nx), added(y, share, lack, ny), added(z, share, lack, nz)
-            place += np.int64(mine)
+                    x, y, z = added(x, fraction, lack, nx), added(y, fraction, lack, ny), added(z, fraction, lack, nz)
+            place += np.int64(contact_count)
             if has_rigid and not scaled:
-                scales[i] = wanted(weight, mine, squares)
+                scales[i] = wanted(weight, contact_count, squares)
             x, y, z = moved(zero, weight, x), moved(zero, weight, y), moved(zero, weight, z)
             contacts.moves[3 * n], contacts.moves[3 * n + 1], contacts.moves[3 * n + 2] = x, y, z
 
@@ -131,7 +135,7 @@ def make_passes(compiler: Compiler, real: Any, scaled: bool, has_rigid: bool = F
                 for axis in range(3):
                     velocity[axis * count + i] = velocity[axis * count + i] + contacts.moves[3 * n + axis]
 
-    return SimpleNamespace(tell=tell, push=push, put=put)
+    return SimpleNamespace(count_contacts=count_contacts, push=push, put=put)
 
 
 @cache
@@ -142,17 +146,17 @@ def make_bounce(real: Any, math: str) -> Any:
     are those of cpu_backend/contact/particles.py.
     """
     compiler = Compiler(f"particles_bounce_{np.dtype(real).name}_{math}", math)
-    made = make_passes(compiler, real, False)
-    tell, push, put = made.tell, made.push, made.put
+    passes = make_passes(compiler, real, False)
+    count_contacts, push, put = passes.count_contacts, passes.push, passes.put
 
     @compiler.compiled
     def bounce_all(team, member, bands, position, old, velocity, weights, record, lists, contacts):
         count = weights.size
-        for band in shares(team, member, bands):
-            tell(band, count, position, old, velocity, record, lists, contacts, velocity)
-        for band in shares(team, member, bands):
+        for band in assigned(team, member, bands):
+            count_contacts(band, count, position, old, velocity, record, lists, contacts, velocity)
+        for band in assigned(team, member, bands):
             push(band, count, position, old, velocity, weights, record, lists, contacts, velocity, velocity)
-        for band in shares(team, member, bands):
+        for band in assigned(team, member, bands):
             put(band, count, velocity, lists, contacts)
 
     return bounce_all

@@ -120,7 +120,7 @@ def make_sort(compiler: Compiler) -> SimpleNamespace:
         is the first of cell b."""
         buckets, starts = arrays.table.buckets, arrays.table.starts
         order, places, bodies = arrays.in_order.order, arrays.in_order.places, arrays.in_order.bodies
-        body, rest, room = arrays.particles.body, arrays.particles.rest, order.size
+        body, rest, capacity = arrays.particles.body, arrays.particles.rest, order.size
         for b in range(low, high):
             end += starts[b]
             starts[b] = end
@@ -132,8 +132,8 @@ def make_sort(compiler: Compiler) -> SimpleNamespace:
                 q = starts[b]
                 order[q], bodies[q] = k, body[k]
                 for axis in range(AXES):
-                    places[axis * room + q] = position[axis * count + k]
-                    places[(AXES + axis) * room + q] = rest[axis * count + k]
+                    places[axis * capacity + q] = position[axis * count + k]
+                    places[(AXES + axis) * capacity + q] = rest[axis * count + k]
 
     return SimpleNamespace(tally=tally, put=put)
 

@@ -21,12 +21,12 @@ from softlab.cpu_backend.contact.particles_cells import AXES, BOX, make_runs, ma
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.core.plain import in_python
-from softlab.cpu_backend.core.progress import shares
+from softlab.cpu_backend.core.progress import assigned
 from softlab.model.contact.particle_parameters import (
     G_DISTANCE,
     G_NEIGHBOURS,
-    G_OWN,
-    G_REACH,
+    G_SEARCH_RADIUS,
+    G_SELF_DISTANCE,
     MAX_NEIGHBOURS,
     PAIR_FIELDS,
     PAIRS,
@@ -35,7 +35,7 @@ from softlab.model.formulas import particle_contact
 from softlab.model.formulas.shape_matching.cluster import LANES
 
 PLACES = 2 * AXES  # numbers of a sorted particle: its position, its rest position
-ROOM = 64  # integers: begin and end of the runs around a band's cell, 27 at most
+RUN_INTEGERS = 64  # integers: begin and end of the runs around a band's cell, 27 at most
 
 _built_in: Any = intrinsic  # typed by numba when it is compiled
 
@@ -63,15 +63,33 @@ def _make_search(compiler: Compiler, real: Any) -> Any:
     zero = real(0)
 
     @compiler.row
-    def look(x, y, z, rest_x, rest_y, rest_z, body, reach, own, rested, xs, ys, zs, rest_xs, rest_ys, rest_zs, bodies):
+    def lanes_within(
+        x,
+        y,
+        z,
+        rest_x,
+        rest_y,
+        rest_z,
+        body,
+        search_radius,
+        self_radius,
+        rested,
+        xs,
+        ys,
+        zs,
+        rest_xs,
+        rest_ys,
+        rest_zs,
+        bodies,
+    ):
         """Return a mask of the LANES particles that may be neighbours, one bit each."""
-        found = np.int32(0)
+        bits = np.int32(0)
         for lane in range(LANES):
             other = bodies[lane] != body
-            close = within(squared(x - xs[lane], y - ys[lane], z - zs[lane]), reach if other else own)
+            close = within(squared(x - xs[lane], y - ys[lane], z - zs[lane]), search_radius if other else self_radius)
             beside = within(squared(rest_x - rest_xs[lane], rest_y - rest_ys[lane], rest_z - rest_zs[lane]), rested)
-            found |= np.int32(close & (other | (not beside))) << np.int32(lane)
-        return found
+            bits |= np.int32(close & (other | (not beside))) << np.int32(lane)
+        return bits
 
     @compiler.compiled
     def search(band, first, last, rows, arrays):
@@ -79,7 +97,7 @@ def _make_search(compiler: Compiler, real: Any) -> Any:
         record, kind, buckets = rows.record, arrays.particles.kind, arrays.table.buckets
         order, places, bodies = arrays.in_order.order, arrays.in_order.places, arrays.in_order.bodies
         entries, pairs = arrays.lists.entries, arrays.lists.pairs
-        runs = row_at(arrays.in_order.runs, np.int64(ROOM * band))
+        runs = row_at(arrays.in_order.runs, np.int64(RUN_INTEGERS * band))
         n, entry, size = first, np.int64(first) * MAX_NEIGHBOURS, order.size
         cell, ends, missed = -1, 0, 0
         for q in range(first, last):
@@ -91,15 +109,15 @@ def _make_search(compiler: Compiler, real: Any) -> Any:
             same = row + PAIR_FIELDS * kind[i]
             x, y, z = places[q], places[size + q], places[2 * size + q]
             rest_x, rest_y, rest_z = places[3 * size + q], places[4 * size + q], places[5 * size + q]
-            own, rested = record[same + G_REACH], record[same + G_NEIGHBOURS]
-            if not record[same + G_OWN] > 0:
-                own = zero
-            found = 0
+            self_radius, rested = record[same + G_SEARCH_RADIUS], record[same + G_NEIGHBOURS]
+            if not record[same + G_SELF_DISTANCE] > 0:
+                self_radius = zero
+            neighbour_count = 0
             for run in range(0, ends, 2):
                 end = runs[run + 1]
                 for k in range(np.int64(runs[run]), end, LANES):
-                    near = look(
-                        x, y, z, rest_x, rest_y, rest_z, body, rows.reach, own, rested, row_at(places, k),
+                    near = lanes_within(
+                        x, y, z, rest_x, rest_y, rest_z, body, rows.reach, self_radius, rested, row_at(places, k),
                         row_at(places, size + k), row_at(places, 2 * size + k), row_at(places, 3 * size + k),
                         row_at(places, 4 * size + k), row_at(places, 5 * size + k), row_at(bodies, k),
                     )  # fmt: skip
@@ -108,20 +126,20 @@ def _make_search(compiler: Compiler, real: Any) -> Any:
                         at = k + lowest_bit(near)
                         near &= near - np.int32(1)
                         j = order[at]
-                        pair, mine = row + PAIR_FIELDS * kind[j], bodies[at] == body
-                        if not mine and record[pair + G_DISTANCE] <= 0:
+                        pair, same_body = row + PAIR_FIELDS * kind[j], bodies[at] == body
+                        if not same_body and record[pair + G_DISTANCE] <= 0:
                             continue
                         square = squared(x - places[at], y - places[size + at], z - places[2 * size + at])
-                        if not within(square, record[pair + G_REACH]):
+                        if not within(square, record[pair + G_SEARCH_RADIUS]):
                             continue
-                        if found < MAX_NEIGHBOURS:
-                            entries[entry], pairs[entry] = j, -1 - pair if mine else pair
+                        if neighbour_count < MAX_NEIGHBOURS:
+                            entries[entry], pairs[entry] = j, -1 - pair if same_body else pair
                             entry += 1
                         else:
                             missed += 1
-                        found += 1
-            if found > 0:
-                arrays.lists.who[n], arrays.lists.numbers[n] = i, min(found, MAX_NEIGHBOURS)
+                        neighbour_count += 1
+            if neighbour_count > 0:
+                arrays.lists.who[n], arrays.lists.numbers[n] = i, min(neighbour_count, MAX_NEIGHBOURS)
                 n += 1
         arrays.lists.active[band] = n - first
         arrays.lists.lost[band] += missed
@@ -135,30 +153,30 @@ def make_find(real: Any, math: str) -> Any:
     `rows`: PairRows; `arrays`: Search.
     """
     compiler = Compiler(f"particles_find_{np.dtype(real).name}_{math}", math)
-    table_made, sort = make_table(compiler, real), make_sort(compiler)
-    cells_of, span, enter = table_made.cells_of, table_made.span, table_made.enter
+    table, sort = make_table(compiler, real), make_sort(compiler)
+    cells_of, span, enter = table.cells_of, table.span, table.enter
     tally, put, search = sort.tally, sort.put, _make_search(compiler, real)
 
     @compiler.compiled
     def find_all(team, member, bands, position, weights, rows, arrays):
         count, table = weights.size, arrays.table
         cells, starts, totals, counts = table.cells, table.starts, table.totals, table.counts
-        for band in shares(team, member, bands):
+        for band in assigned(team, member, bands):
             k, n = np.int64(count * band // bands), count * (band + 1) // bands - count * band // bands
             cells_of(
                 n, row_at(weights, k), row_at(position, k), row_at(position, count + k), row_at(position, 2 * count + k),
                 rows.record, row_at(cells, k), row_at(cells, count + k), row_at(cells, 2 * count + k),
                 row_at(table.boxes, np.int64(BOX * band)), row_at(table.boxes, np.int64(BOX * band + AXES)),
             )  # fmt: skip
-        for _ in shares(team, member, 1):
+        for _ in assigned(team, member, 1):
             span(bands, starts.size - 1, table)
-        for band in shares(team, member, bands):
+        for band in assigned(team, member, bands):
             k, last = np.int64(count * band // bands), count * (band + 1) // bands
             enter(k, last, count, table)
-        for band in shares(team, member, bands):
+        for band in assigned(team, member, bands):
             size = counts[0] * counts[1] * counts[2]
             totals[band] = tally(size * band // bands, size * (band + 1) // bands, table.buckets, starts)
-        for band in shares(team, member, bands):
+        for band in assigned(team, member, bands):
             size, end = counts[0] * counts[1] * counts[2], 0
             for earlier in range(band):
                 end += totals[earlier]
@@ -166,7 +184,7 @@ def make_find(real: Any, math: str) -> Any:
             put(low, high, end, count, position, arrays)
             if band == bands - 1:
                 starts[size] = end + totals[band]
-        for band in shares(team, member, bands):
+        for band in assigned(team, member, bands):
             live = starts[counts[0] * counts[1] * counts[2]]
             arrays.lists.begins[band] = live * band // bands
             search(band, live * band // bands, live * (band + 1) // bands, rows, arrays)

@@ -11,12 +11,12 @@ import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
-from softlab.cpu_backend.core.progress import shares
+from softlab.cpu_backend.core.progress import assigned
 from softlab.model.contact.particle_parameters import (
     G_ACTIVE,
     G_DISTANCE,
-    G_OWN,
     G_PULL,
+    G_SELF_DISTANCE,
     H_ASLEEP,
     H_DYNAMIC,
     H_FASTEST,
@@ -33,9 +33,9 @@ PACES = frozenset({"speed-limit", "sleeping"})
 def _make_sweep(
     compiler: Compiler, real: Any, has_friction: bool, has_adhesion: bool, has_rigid: bool, has_couples: bool
 ) -> SimpleNamespace:
-    """Make `tell`, `push`, `put` (see the inner functions), for a `band` of the particles that have neighbours."""
+    """Make `count_contacts`, `push`, `put` (see the inner functions), for a `band` of the particles that have neighbours."""
     formulas = particle_contact.make(real, compiler.compiled)
-    squared, within, split, held, direction = (
+    squared, within, split, enforced_distance, direction = (
         formulas.squared, formulas.within, formulas.split, formulas.enforced_distance, formulas.direction
     )  # fmt: skip
     depth_of, slip, grip = formulas.depth, formulas.slip, formulas.grip
@@ -45,7 +45,7 @@ def _make_sweep(
     levered, gathered = levers.levered, levers.gathered
 
     @compiler.compiled
-    def tell(band, count, position, record, lists, contacts):
+    def count_contacts(band, count, position, record, lists, contacts):
         """Store the neighbours that are contacts at the current positions in `acting`, one particle after the other,
         and their numbers in `counts`."""
         who, numbers, entries, pairs, acting = lists.who, lists.numbers, lists.entries, lists.pairs, contacts.acting
@@ -58,7 +58,7 @@ def _make_sweep(
             x, y, z = xs[i], ys[i], zs[i]
             for e in range(entry, entry + numbers[n]):
                 j, pair = entries[e], pairs[e]
-                nearer = record[pair + G_ACTIVE] if pair >= 0 else record[-1 - pair + G_OWN]
+                nearer = record[pair + G_ACTIVE] if pair >= 0 else record[-1 - pair + G_SELF_DISTANCE]
                 square = squared(x - xs[j], y - ys[j], z - zs[j])
                 acting[place] = e
                 place += 1 if within(square, nearer) else 0
@@ -77,40 +77,44 @@ def _make_sweep(
         old_x, old_y, old_z = before, row_at(before, np.int64(count)), row_at(before, np.int64(2 * count))
         for n in range(first, last):
             i = lists.who[n]
-            mine = counts[i]
-            if mine == zero:
+            contact_count = counts[i]
+            if contact_count == zero:
                 continue
             px, py, pz, weight = xs[i], ys[i], zs[i], weights[i]
             ox, oy, oz = old_x[i], old_y[i], old_z[i]
             x, y, z = zero, zero, zero
             u, v, w = zero, zero, zero
-            for a in range(place, place + np.int64(mine)):
+            for a in range(place, place + np.int64(contact_count)):
                 j, pair = entries[acting[a]], pairs[acting[a]]
-                distance = record[pair + G_DISTANCE] if pair >= 0 else record[-1 - pair + G_OWN]
+                distance = record[pair + G_DISTANCE] if pair >= 0 else record[-1 - pair + G_SELF_DISTANCE]
                 pull = zero
                 if has_adhesion:
                     pull = record[pair + G_PULL] if pair >= 0 else zero
                 dx, dy, dz = px - xs[j], py - ys[j], pz - zs[j]
                 bx, by, bz = ox - old_x[j], oy - old_y[j], oz - old_z[j]
-                share = split(weight, mine, weights[j], counts[j])
-                kept = held(distance, bx, by, bz, record[H_PUSH])
+                fraction = split(weight, contact_count, weights[j], counts[j])
+                enforced = enforced_distance(distance, bx, by, bz, record[H_PUSH])
                 length, nx, ny, nz = direction(dx, dy, dz, distance, i < j)
-                depth = depth_of(length, kept, distance, pull)
+                depth = depth_of(length, enforced, distance, pull)
                 if has_rigid:
-                    pressed[acting[a]] = pressed_by(pressed[acting[a]], share, depth)
+                    pressed[acting[a]] = pressed_by(pressed[acting[a]], fraction, depth)
                 if has_friction and (depth > zero or pull > zero):
                     sx, sy, sz = slip(dx, dy, dz, bx, by, bz, nx, ny, nz)
                     gripped = grip(sx, sy, sz, depth, pull, record[H_STATIC], record[H_DYNAMIC])
-                    x = added_friction(x, share, depth, nx, gripped, sx)
-                    y = added_friction(y, share, depth, ny, gripped, sy)
-                    z = added_friction(z, share, depth, nz, gripped, sz)
+                    x = added_friction(x, fraction, depth, nx, gripped, sx)
+                    y = added_friction(y, fraction, depth, ny, gripped, sy)
+                    z = added_friction(z, fraction, depth, nz, gripped, sz)
                     if has_couples:
-                        u = levered(u, share, length, gripped, ny, sz, nz, sy)
-                        v = levered(v, share, length, gripped, nz, sx, nx, sz)
-                        w = levered(w, share, length, gripped, nx, sy, ny, sx)
+                        u = levered(u, fraction, length, gripped, ny, sz, nz, sy)
+                        v = levered(v, fraction, length, gripped, nz, sx, nx, sz)
+                        w = levered(w, fraction, length, gripped, nx, sy, ny, sx)
                 else:
-                    x, y, z = added(x, share, depth, nx), added(y, share, depth, ny), added(z, share, depth, nz)
-            place += np.int64(mine)
+                    x, y, z = (
+                        added(x, fraction, depth, nx),
+                        added(y, fraction, depth, ny),
+                        added(z, fraction, depth, nz),
+                    )
+            place += np.int64(contact_count)
             x, y, z = moved(px, weight, x), moved(py, weight, y), moved(pz, weight, z)
             contacts.moves[3 * n], contacts.moves[3 * n + 1], contacts.moves[3 * n + 2] = x, y, z
             if has_couples:
@@ -130,7 +134,7 @@ def _make_sweep(
                         travel[k] = carried(travel[k], moves[3 * n + axis], position[k])
                     position[k] = moves[3 * n + axis]
 
-    return SimpleNamespace(tell=tell, push=push, put=put)
+    return SimpleNamespace(count_contacts=count_contacts, push=push, put=put)
 
 
 @cache
@@ -146,18 +150,18 @@ def make_project(
     """
     words = "_friction" * has_friction + "_adhesion" * has_adhesion + "_rigid" * has_rigid + "_couples" * has_couples
     compiler = Compiler(f"particles_project_{np.dtype(real).name}_{math}{words}", math)
-    made = _make_sweep(compiler, real, has_friction, has_adhesion, has_rigid, has_couples)
-    tell, push, put = made.tell, made.push, made.put
+    passes = _make_sweep(compiler, real, has_friction, has_adhesion, has_rigid, has_couples)
+    count_contacts, push, put = passes.count_contacts, passes.push, passes.put
 
     @compiler.compiled
     def project_all(team, member, bands, sweeps, before, position, weights, record, lists, contacts, travel, couples):
         count = weights.size
         for _ in range(sweeps):
-            for band in shares(team, member, bands):
-                tell(band, count, position, record, lists, contacts)
-            for band in shares(team, member, bands):
+            for band in assigned(team, member, bands):
+                count_contacts(band, count, position, record, lists, contacts)
+            for band in assigned(team, member, bands):
                 push(band, count, before, position, weights, record, lists, contacts, couples)
-            for band in shares(team, member, bands):
+            for band in assigned(team, member, bands):
                 put(band, count, position, travel, lists, contacts)
 
     return project_all

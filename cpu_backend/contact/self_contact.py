@@ -43,7 +43,7 @@ class HeldContacts:
         masses = len(weights)
         most = masses * MAX_CONTACTS
         self.triangles, self.corners = np.zeros(most, np.int32), np.zeros((most, 3), np.int32)
-        self.values, self.found = np.zeros((most, values), real), np.zeros(masses, np.int32)
+        self.values, self.contact_counts = np.zeros((most, values), real), np.zeros(masses, np.int32)
         self._links = (np.zeros(masses + 1, np.int32), np.zeros(threads, np.int64), np.zeros(3 * most, np.int32))
         rubs = part.static_friction > 0
         forces = LEVERS if rubs and surfaces else FORCES
@@ -54,9 +54,9 @@ class HeldContacts:
 
     def _link(self) -> None:
         """List, for each mass, the contacts that it is a corner of."""
-        self._empty = not self.found.any()
+        self._empty = not self.contact_counts.any()
         if not self._empty:
-            self._project.link_contacts(self._bands, self.found, self.corners, *self._links)
+            self._project.link_contacts(self._bands, self.contact_counts, self.corners, *self._links)
 
     def _sweep(self, begin: np.ndarray, position: np.ndarray) -> None:
         """Sweep over the contacts of the substep that began at `begin` (masses, 3 ...), on (3, rows, columns) [m]."""
@@ -64,7 +64,7 @@ class HeldContacts:
             return
         starts, _, links = self._links
         self._project.project_contacts(
-            self._bands, self.sweeps, position, begin, self.found, self.corners, self.values, starts, links,
+            self._bands, self.sweeps, position, begin, self.contact_counts, self.corners, self.values, starts, links,
             self.weights, self.record[0], self._around, *self._scratch,
         )  # fmt: skip
 
@@ -102,9 +102,16 @@ class Contacts(HeldContacts):
             return
         self._find.hash_cells(self._bands, before, predicted, self.record[0], *self._hashed)
         self._find.find_contacts(
-            self.rows, self.columns, self.record, *self._searched, self.triangles, self.corners, self.values, self.found
+            self.rows,
+            self.columns,
+            self.record,
+            *self._searched,
+            self.triangles,
+            self.corners,
+            self.values,
+            self.contact_counts,
         )
-        self.lost += int(np.maximum(self.found - MAX_CONTACTS, 0).sum())
+        self.lost += int(np.maximum(self.contact_counts - MAX_CONTACTS, 0).sum())
         self._link()
 
     def project(self, position: np.ndarray) -> None:

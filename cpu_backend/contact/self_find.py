@@ -12,7 +12,7 @@ import numpy as np
 from numba import prange
 
 from softlab.cpu_backend.core.compile import Compiler
-from softlab.cpu_backend.core.progress import shares
+from softlab.cpu_backend.core.progress import assigned
 from softlab.model.contact.self_contact_parameters import (
     MAX_CONTACTS,
     SPAN,
@@ -20,7 +20,7 @@ from softlab.model.contact.self_contact_parameters import (
 from softlab.model.formulas import contact
 
 VALUES = 7  # values of a contact:
-V_B, V_C, V_NX, V_NY, V_NZ, V_HELD, V_DISTANCE = range(VALUES)
+V_B, V_C, V_NX, V_NY, V_NZ, V_ENFORCED, V_DISTANCE = range(VALUES)
 
 
 def make_slots(compiler: Compiler, count: int) -> SimpleNamespace:
@@ -49,9 +49,9 @@ def make_slots(compiler: Compiler, count: int) -> SimpleNamespace:
 
 
 def _make_triangle(compiler: Compiler, real: Any, formulas: SimpleNamespace, numbers: SimpleNamespace) -> Any:
-    """Make meet(k, i, j, triangle, begin, move, columns, parameters, corners, values, slots), see below."""
+    """Make add_contact(k, i, j, triangle, begin, move, columns, parameters, corners, values, slots), see below."""
     nearest, away, length, dot = formulas.nearest, formulas.away, formulas.length, formulas.dot
-    rest_distance, normal, held_distance = formulas.rest_distance, formulas.normal, formulas.enforced_distance
+    rest_distance, normal, enforced_distance = formulas.rest_distance, formulas.normal, formulas.enforced_distance
     corners_of, owns = numbers.corners, numbers.owns
     slots, two = make_slots(compiler, VALUES), np.int64(2)
     place_of, copy = slots.place_of, slots.copy
@@ -61,31 +61,31 @@ def _make_triangle(compiler: Compiler, real: Any, formulas: SimpleNamespace, num
         return length(move[k, 0] - move[m, 0], move[k, 1] - move[m, 1], move[k, 2] - move[m, 2])
 
     @compiler.compiled
-    def meet(k, i, j, triangle, begin, move, columns, parameters, triangles, corners, values, found):
+    def add_contact(k, i, j, triangle, begin, move, columns, parameters, triangles, corners, values, contact_count):
         """Insert the triangle among the nearest of mass k, in row i and column j, if they may touch.
 
-        Sorted by distance, then by number. Returns `found`, plus 1 if they may touch.
+        Sorted by distance, then by number. Returns `contact_count`, plus 1 if they may touch.
         """
         second, cell = triangle % two == 1, triangle // two
         a, b, c = corners_of(triangle, columns)
         if a == k or b == k or c == k:
-            return found
+            return contact_count
         ux, uy, uz = begin[b, 0] - begin[a, 0], begin[b, 1] - begin[a, 1], begin[b, 2] - begin[a, 2]
         vx, vy, vz = begin[c, 0] - begin[a, 0], begin[c, 1] - begin[a, 1], begin[c, 2] - begin[a, 2]
         px, py, pz = begin[k, 0] - begin[a, 0], begin[k, 1] - begin[a, 1], begin[k, 2] - begin[a, 2]
         feature, s, t = nearest(ux, uy, uz, vx, vy, vz, px, py, pz)
         cell_i = cell // (columns - 1)
         if not owns(second, feature, cell_i, cell - cell_i * (columns - 1)):
-            return found
+            return contact_count
         rx, ry, rz = away(px, ux, vx, s, t), away(py, uy, vy, s, t), away(pz, uz, vz, s, t)
         distance = length(rx, ry, rz)
         nearer = max(motion(move, k, a), max(motion(move, k, b), motion(move, k, c)))
         if not distance < parameters.thickness + parameters.margin + nearer:
-            return found
-        first, last = k * MAX_CONTACTS, k * MAX_CONTACTS + min(found, MAX_CONTACTS)
+            return contact_count
+        first, last = k * MAX_CONTACTS, k * MAX_CONTACTS + min(contact_count, MAX_CONTACTS)
         place = place_of(first, last, distance, triangle, triangles, values)
         if place == first + MAX_CONTACTS:
-            return found + 1
+            return contact_count + 1
         for slot in range(min(last, first + MAX_CONTACTS - 1), place, -1):
             copy(slot - 1, slot, triangles, corners, values)
         row_a, column_a = a // columns, a % columns
@@ -101,10 +101,10 @@ def _make_triangle(compiler: Compiler, real: Any, formulas: SimpleNamespace, num
         values[place, V_B], values[place, V_C], values[place, V_DISTANCE] = s, t, distance
         values[place, V_NX], values[place, V_NY], values[place, V_NZ] = nx, ny, nz
         gap = dot(nx, ny, nz, rx, ry, rz)
-        values[place, V_HELD] = held_distance(parameters.thickness, rest, gap, parameters.push)
-        return found + 1
+        values[place, V_ENFORCED] = enforced_distance(parameters.thickness, rest, gap, parameters.push)
+        return contact_count + 1
 
-    return meet
+    return add_contact
 
 
 def _make_space(compiler: Compiler, real: Any, formulas: SimpleNamespace) -> SimpleNamespace:
@@ -161,7 +161,7 @@ def _make_hash(compiler: Compiler, real: Any, formulas: SimpleNamespace, numbers
         of buckets and reads all cells.
         """
         rows, columns = before.shape[1], before.shape[2]
-        for band in shares(team, member, bands):
+        for band in assigned(team, member, bands):
             for i in range(rows * band // bands, rows * (band + 1) // bands):
                 for j in range(columns):
                     for axis in range(3):
@@ -169,7 +169,7 @@ def _make_hash(compiler: Compiler, real: Any, formulas: SimpleNamespace, numbers
                         move[i * columns + j, axis] = predicted[axis, i, j] - before[axis, i, j]
         mask, cells = np.int64(starts.size - 2), (rows - 1) * (columns - 1)
         reference = (rows // 2) * columns + columns // 2
-        for band in shares(team, member, bands):
+        for band in assigned(team, member, bands):
             for i in range((rows - 1) * band // bands, (rows - 1) * (band + 1) // bands):
                 most = zero
                 for j in range(columns - 1):
@@ -185,7 +185,7 @@ def _make_hash(compiler: Compiler, real: Any, formulas: SimpleNamespace, numbers
                     keys[q], buckets[q] = key_of(x, y, z), bucket_of(x, y, z, mask)
                 largest[i] = most
         table = mask + 1
-        for band in shares(team, member, bands):
+        for band in assigned(team, member, bands):
             low, high = table * band // bands, table * (band + 1) // bands
             starts[low:high] = 0
             inside = 0
@@ -194,7 +194,7 @@ def _make_hash(compiler: Compiler, real: Any, formulas: SimpleNamespace, numbers
                     starts[buckets[q]] += 1
                     inside += 1
             totals[band] = inside
-        for band in shares(team, member, bands):
+        for band in assigned(team, member, bands):
             low, high = table * band // bands, table * (band + 1) // bands
             end = np.int64(0)
             for before_it in range(band):
@@ -217,19 +217,19 @@ def _make_search(compiler: Compiler, real: Any, formulas: SimpleNamespace, numbe
     """Make find_contacts: see the inner function."""
     space, scaled, zero = _make_space(compiler, real, formulas), formulas.scaled, real(0)
     floor, relative, key_of, bucket_of = space.floor, space.relative, numbers.key, numbers.bucket
-    meet = _make_triangle(compiler, real, formulas, numbers)
+    add_contact = _make_triangle(compiler, real, formulas, numbers)
 
     @compiler.compiled
-    def beside(x, y, z, own, boxes, q):
-        """Return True if a point is farther than `own` from the box of cell q along an axis."""
+    def beside(x, y, z, radius, boxes, q):
+        """Return True if a point is farther than `radius` from the box of cell q along an axis."""
         return (
-            x < boxes[q, 0] - own or x > boxes[q, 3] + own or y < boxes[q, 1] - own or y > boxes[q, 4] + own
-            or z < boxes[q, 2] - own or z > boxes[q, 5] + own
+            x < boxes[q, 0] - radius or x > boxes[q, 3] + radius or y < boxes[q, 1] - radius or y > boxes[q, 4] + radius
+            or z < boxes[q, 2] - radius or z > boxes[q, 5] + radius
         )  # fmt: skip
 
     def find_contacts(
         rows, columns, record, begin, move, boxes, keys, largest, starts, sorted_cells, triangles, corners, values,
-        found,
+        contact_counts,
     ):  # fmt: skip
         """Write found (particles,): how many triangles each mass may touch; MAX_CONTACTS of them are stored."""
         extent, mask = zero, np.int64(starts.size - 2)
@@ -241,16 +241,16 @@ def _make_search(compiler: Compiler, real: Any, formulas: SimpleNamespace, numbe
             for j in range(columns):
                 k, count = i * columns + j, np.int64(0)
                 x, y, z = begin[k, 0], begin[k, 1], begin[k, 2]
-                own = record[0].thickness + record[0].margin + relative(move, k, reference)
-                reach = min(own + extent, record[0].reach)
+                radius = record[0].thickness + record[0].margin + relative(move, k, reference)
+                search_radius = min(radius + extent, record[0].reach)
                 lowest = (
-                    floor(scaled(x - reach, record[0].inverse_cell)),
-                    floor(scaled(y - reach, record[0].inverse_cell)),
-                    floor(scaled(z - reach, record[0].inverse_cell)),
+                    floor(scaled(x - search_radius, record[0].inverse_cell)),
+                    floor(scaled(y - search_radius, record[0].inverse_cell)),
+                    floor(scaled(z - search_radius, record[0].inverse_cell)),
                 )
-                span_x = min(floor(scaled(x + reach, record[0].inverse_cell)) - lowest[0] + 1, SPAN)
-                span_y = min(floor(scaled(y + reach, record[0].inverse_cell)) - lowest[1] + 1, SPAN)
-                span_z = min(floor(scaled(z + reach, record[0].inverse_cell)) - lowest[2] + 1, SPAN)
+                span_x = min(floor(scaled(x + search_radius, record[0].inverse_cell)) - lowest[0] + 1, SPAN)
+                span_y = min(floor(scaled(y + search_radius, record[0].inverse_cell)) - lowest[1] + 1, SPAN)
+                span_z = min(floor(scaled(z + search_radius, record[0].inverse_cell)) - lowest[2] + 1, SPAN)
                 for place in range(span_x * span_y * span_z):
                     cx = lowest[0] + place % span_x
                     cy = lowest[1] + place // span_x % span_y
@@ -258,13 +258,13 @@ def _make_search(compiler: Compiler, real: Any, formulas: SimpleNamespace, numbe
                     key, bucket = key_of(cx, cy, cz), bucket_of(cx, cy, cz, mask)
                     for entry in range(starts[bucket], starts[bucket + 1]):
                         q = np.int64(sorted_cells[entry])
-                        if keys[q] == key and not beside(x, y, z, own, boxes, q):
+                        if keys[q] == key and not beside(x, y, z, radius, boxes, q):
                             for second in range(2):
-                                count = meet(
+                                count = add_contact(
                                     k, i, np.int64(j), 2 * q + second, begin, move, columns, record[0], triangles, corners,
                                     values, count,
                                 )  # fmt: skip
-                found[k] = count
+                contact_counts[k] = count
 
     return compiler.kernel(find_contacts)
 
@@ -273,5 +273,5 @@ def _make_search(compiler: Compiler, real: Any, formulas: SimpleNamespace, numbe
 def make_find(real: Any, math: str) -> SimpleNamespace:
     """Compile `hash_cells` and `find_contacts`; the arrays are those of cpu_backend/contact/self_contact.py."""
     compiler = Compiler(f"{np.dtype(real).name}_{math}", math)
-    given = compiler, real, contact.make(real, compiler.compiled), contact.make_numbers(compiler.compiled)
-    return SimpleNamespace(hash_cells=_make_hash(*given), find_contacts=_make_search(*given))
+    arguments = compiler, real, contact.make(real, compiler.compiled), contact.make_numbers(compiler.compiled)
+    return SimpleNamespace(hash_cells=_make_hash(*arguments), find_contacts=_make_search(*arguments))

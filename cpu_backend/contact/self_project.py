@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from softlab.cpu_backend.contact.self_find import V_B, V_C, V_HELD, V_NX, V_NY, V_NZ
+from softlab.cpu_backend.contact.self_find import V_B, V_C, V_ENFORCED, V_NX, V_NY, V_NZ
 from softlab.cpu_backend.core.compile import Compiler
-from softlab.cpu_backend.core.progress import shares
+from softlab.cpu_backend.core.progress import assigned
 from softlab.model.contact.self_contact_parameters import MAX_CONTACTS
 from softlab.model.formulas import contact, surface_contact
 
@@ -26,7 +26,7 @@ def _make_now(compiler: Compiler, real: Any) -> SimpleNamespace:
     formulas = surface_contact.make(real, compiler.compiled)
     checked, apart, over, through = formulas.checked, formulas.apart, formulas.over, formulas.through
     rub, load, split = formulas.rub, formulas.load, formulas.split
-    none, own, nearest = surface_contact.NONE, surface_contact.BY_TRIANGLE, surface_contact.NEAREST
+    none, by_triangle, nearest = surface_contact.NONE, surface_contact.BY_TRIANGLE, surface_contact.NEAREST
     first_weight = contact.make(real, compiler.compiled).first_weight
 
     @compiler.compiled
@@ -41,13 +41,13 @@ def _make_now(compiler: Compiler, real: Any) -> SimpleNamespace:
     def shallower(slot, k, points, begin, corners, values, r, depth, around):
         """Return the depth of a contact, 0 or less where the surfaces are apart; `checked` has the rule."""
         a, b, c = corners[slot, 0], corners[slot, 1], corners[slot, 2]
-        n, held = (values[slot, V_NX], values[slot, V_NY], values[slot, V_NZ]), values[slot, V_HELD]
+        n, enforced = (values[slot, V_NX], values[slot, V_NY], values[slot, V_NZ]), values[slot, V_ENFORCED]
         p, q, w = seen_from(points, k, a, b, c)
-        check = checked(n, r, difference(begin, a, b), difference(begin, a, c), p, q, w, depth, held)
+        check = checked(n, r, difference(begin, a, b), difference(begin, a, c), p, q, w, depth, enforced)
         if check == none:
             return depth
-        left = held - apart(p, q, w)
-        if check != own:
+        left = enforced - apart(p, q, w)
+        if check != by_triangle:
             starts, lists, surface = around
             for corner in range(3):
                 for at in range(starts[corners[slot, corner]], starts[corners[slot, corner] + 1]):
@@ -59,7 +59,7 @@ def _make_now(compiler: Compiler, real: Any) -> SimpleNamespace:
                     if through(over(x, u, v), over(p, q, w)):
                         return depth
                     if check == nearest:
-                        left = max(left, held - apart(p, q, w))
+                        left = max(left, enforced - apart(p, q, w))
         return min(depth, left)
 
     @compiler.compiled
@@ -107,7 +107,7 @@ def _make_contact(
         """Return the penetration depth below the stored distance [m]; 0 or less if the contact is inactive."""
         a, b, c = corners[slot, 0], corners[slot, 1], corners[slot, 2]
         x, y, z = offset(points, k, a, b, c, values[slot, V_B], values[slot, V_C])
-        depth = values[slot, V_HELD] - dot(values[slot, V_NX], values[slot, V_NY], values[slot, V_NZ], x, y, z)
+        depth = values[slot, V_ENFORCED] - dot(values[slot, V_NX], values[slot, V_NY], values[slot, V_NZ], x, y, z)
         if depth > zero:
             r = offset(begin, k, a, b, c, values[slot, V_B], values[slot, V_C])
             depth = shallower(slot, k, points, begin, corners, values, r, depth, around)
@@ -154,27 +154,27 @@ def _make_contact(
 def _make_link(compiler: Compiler) -> Any:
     """Make link_contacts: see the inner function."""
 
-    def link_contacts(team, member, bands, found, corners, starts, totals, links):
+    def link_contacts(team, member, bands, contact_counts, corners, starts, totals, links):
         """List, for mass m, the places (3 contact + corner) where it is a corner: links[starts[m] : starts[m + 1]],
         ascending.
 
         Each thread has a range of masses and reads all contacts; a counting sort.
         """
-        masses = found.size
-        for band in shares(team, member, bands):
+        masses = contact_counts.size
+        for band in assigned(team, member, bands):
             low, high = masses * band // bands, masses * (band + 1) // bands
             starts[low:high] = 0
             inside = 0
             for k in range(masses):
                 first = k * MAX_CONTACTS
-                for slot in range(first, first + min(found[k], MAX_CONTACTS)):
+                for slot in range(first, first + min(contact_counts[k], MAX_CONTACTS)):
                     for corner in range(3):
                         m = corners[slot, corner]
                         if low <= m < high:
                             starts[m] += 1
                             inside += 1
             totals[band] = inside
-        for band in shares(team, member, bands):
+        for band in assigned(team, member, bands):
             low, high = masses * band // bands, masses * (band + 1) // bands
             end = np.int64(0)
             for before_it in range(band):
@@ -186,9 +186,9 @@ def _make_link(compiler: Compiler) -> Any:
                 starts[m] = end
             for backward in range(masses):
                 k = masses - 1 - backward
-                held = min(found[k], MAX_CONTACTS)
-                for back in range(held):
-                    slot = k * MAX_CONTACTS + held - 1 - back
+                contact_count = min(contact_counts[k], MAX_CONTACTS)
+                for back in range(contact_count):
+                    slot = k * MAX_CONTACTS + contact_count - 1 - back
                     for corner in range(3):
                         m = corners[slot, corner]
                         if low <= m < high:
@@ -201,10 +201,10 @@ def _make_link(compiler: Compiler) -> Any:
 def _make_gather(compiler: Compiler, real: Any, formulas: SimpleNamespace) -> tuple[Any, Any]:
     """Make (gather, load_of), for one mass."""
     first_weight, taken, zero, one = formulas.first_weight, formulas.taken, real(0), real(1)
-    load_of_share = _make_now(compiler, real).load
+    load_at = _make_now(compiler, real).load
 
     @compiler.compiled
-    def share(values, place):
+    def corner_weight(values, place):
         """Return the weight of the corner place % 3 of contact place // 3."""
         slot, corner = place // 3, place % 3
         if corner == 0:
@@ -213,23 +213,23 @@ def _make_gather(compiler: Compiler, real: Any, formulas: SimpleNamespace) -> tu
 
     @compiler.compiled
     def lever(forces, place, axis):
-        """Return the further displacement of a triangle's corner along an axis; `place` as in `share`."""
+        """Return the further displacement of a triangle's corner along an axis; `place` as in `corner_weight`."""
         slot, corner = place // 3, place % 3
         if corner == 0:
             return -(forces[slot, FORCES + axis] + forces[slot, FORCES + 3 + axis])
         return forces[slot, FORCES + 3 * (corner - 1) + axis]
 
     @compiler.compiled
-    def gather(k, found, values, starts, links, forces, levered):
+    def gather(k, contact_counts, values, starts, links, forces, levered):
         """Return the displacement of mass k by all its contacts, for a weight of 1."""
         x, y, z = zero, zero, zero
-        for slot in range(k * MAX_CONTACTS, k * MAX_CONTACTS + min(found[k], MAX_CONTACTS)):
+        for slot in range(k * MAX_CONTACTS, k * MAX_CONTACTS + min(contact_counts[k], MAX_CONTACTS)):
             if forces[slot, F_DEPTH] > zero:
                 x, y, z = x + forces[slot, F_X], y + forces[slot, F_Y], z + forces[slot, F_Z]
         for place in range(starts[k], starts[k + 1]):
             slot = links[place] // 3
             if forces[slot, F_DEPTH] > zero:
-                part = share(values, links[place])
+                part = corner_weight(values, links[place])
                 x = taken(x, part, forces[slot, F_X])
                 y = taken(y, part, forces[slot, F_Y])
                 z = taken(z, part, forces[slot, F_Z])
@@ -239,16 +239,16 @@ def _make_gather(compiler: Compiler, real: Any, formulas: SimpleNamespace) -> tu
         return x, y, z
 
     @compiler.compiled
-    def load_of(k, found, values, starts, links, forces, levered):
+    def load_of(k, contact_counts, values, starts, links, forces, levered):
         """Return the number of active contacts of mass k; as a triangle's corner it counts them by its weight."""
         load = zero
-        for slot in range(k * MAX_CONTACTS, k * MAX_CONTACTS + min(found[k], MAX_CONTACTS)):
+        for slot in range(k * MAX_CONTACTS, k * MAX_CONTACTS + min(contact_counts[k], MAX_CONTACTS)):
             if forces[slot, F_DEPTH] > zero:
                 load += one
         for place in range(starts[k], starts[k + 1]):
             if forces[links[place] // 3, F_DEPTH] > zero:
-                part = share(values, links[place])
-                load += load_of_share(part) if levered else part
+                part = corner_weight(values, links[place])
+                load += load_at(part) if levered else part
         return load
 
     return gather, load_of
@@ -268,8 +268,8 @@ def make_project(real: Any, math: str, friction: bool, surfaces: bool = False) -
     (gather, load_of), levered = _make_gather(compiler, real, formulas), friction and surfaces
 
     @compiler.compiled
-    def move(k, position, found, values, starts, links, weights, forces, points, levered):
-        x, y, z = gather(k, found, values, starts, links, forces, levered)
+    def move(k, position, contact_counts, values, starts, links, weights, forces, points, levered):
+        x, y, z = gather(k, contact_counts, values, starts, links, forces, levered)
         i, j = k // position.shape[2], k % position.shape[2]
         position[0, i, j] = shifted(points[k, 0], weights[k], x)
         position[1, i, j] = shifted(points[k, 1], weights[k], y)
@@ -278,44 +278,44 @@ def make_project(real: Any, math: str, friction: bool, surfaces: bool = False) -
             points[k, axis] = position[axis, i, j]
 
     def project_contacts(
-        team, member, bands, sweeps, position, begin, found, corners, values, starts, links, weights, parameters, around,
-        points, loads, forces,
+        team, member, bands, sweeps, position, begin, contact_counts, corners, values, starts, links, weights,
+        parameters, around, points, loads, forces,
     ):  # fmt: skip
         """Sweep over the contacts, all of a sweep from one state, and update `position` (3, rows, columns)."""
         rows, columns = position.shape[1], position.shape[2]
         masses = rows * columns
         for _ in range(sweeps):
-            for band in shares(team, member, bands):
+            for band in assigned(team, member, bands):
                 for k in range(masses * band // bands, masses * (band + 1) // bands):
                     for axis in range(3):
                         points[k, axis] = position[axis, k // columns, k % columns]
-            for band in shares(team, member, bands):
+            for band in assigned(team, member, bands):
                 for k in range(masses * band // bands, masses * (band + 1) // bands):
-                    for slot in range(k * MAX_CONTACTS, k * MAX_CONTACTS + min(found[k], MAX_CONTACTS)):
+                    for slot in range(k * MAX_CONTACTS, k * MAX_CONTACTS + min(contact_counts[k], MAX_CONTACTS)):
                         forces[slot, F_DEPTH] = depth_of(slot, k, points, begin, corners, values, around)
-            for band in shares(team, member, bands):
+            for band in assigned(team, member, bands):
                 for k in range(masses * band // bands, masses * (band + 1) // bands):
-                    loads[k] = load_of(k, found, values, starts, links, forces, False)
-            for band in shares(team, member, bands):
+                    loads[k] = load_of(k, contact_counts, values, starts, links, forces, False)
+            for band in assigned(team, member, bands):
                 for k in range(masses * band // bands, masses * (band + 1) // bands):
-                    for slot in range(k * MAX_CONTACTS, k * MAX_CONTACTS + min(found[k], MAX_CONTACTS)):
+                    for slot in range(k * MAX_CONTACTS, k * MAX_CONTACTS + min(contact_counts[k], MAX_CONTACTS)):
                         if forces[slot, F_DEPTH] > zero:
                             push(slot, k, points, begin, corners, values, weights, loads, parameters, forces)
-            for band in shares(team, member, bands):
+            for band in assigned(team, member, bands):
                 for k in range(masses * band // bands, masses * (band + 1) // bands):
                     if loads[k] > zero and weights[k] > zero:
-                        move(k, position, found, values, starts, links, weights, forces, points, False)
+                        move(k, position, contact_counts, values, starts, links, weights, forces, points, False)
                     if levered:
-                        loads[k] = load_of(k, found, values, starts, links, forces, True)
+                        loads[k] = load_of(k, contact_counts, values, starts, links, forces, True)
             if levered:
-                for band in shares(team, member, bands):
+                for band in assigned(team, member, bands):
                     for k in range(masses * band // bands, masses * (band + 1) // bands):
-                        for slot in range(k * MAX_CONTACTS, k * MAX_CONTACTS + min(found[k], MAX_CONTACTS)):
+                        for slot in range(k * MAX_CONTACTS, k * MAX_CONTACTS + min(contact_counts[k], MAX_CONTACTS)):
                             if forces[slot, F_DEPTH] > zero:
                                 rub(slot, k, points, begin, corners, values, weights, loads, parameters, forces)
-                for band in shares(team, member, bands):
+                for band in assigned(team, member, bands):
                     for k in range(masses * band // bands, masses * (band + 1) // bands):
                         if loads[k] > zero and weights[k] > zero:
-                            move(k, position, found, values, starts, links, weights, forces, points, True)
+                            move(k, position, contact_counts, values, starts, links, weights, forces, points, True)
 
     return SimpleNamespace(link_contacts=_make_link(compiler), project_contacts=compiler.team(project_contacts))

@@ -9,8 +9,8 @@ import numpy as np
 from softlab.cpu_backend.contact.neighbours import Neighbours
 from softlab.cpu_backend.contact.self_contact import HeldContacts
 from softlab.cpu_backend.contact.surfaces_find import VALUES, make_find
-from softlab.model.contact.particle_parameters import G_REACH
-from softlab.model.contact.surface_parameters import TETRAHEDRA_MEET, Meeting, neighbour_record
+from softlab.model.contact.particle_parameters import G_SEARCH_RADIUS
+from softlab.model.contact.surface_parameters import TETRAHEDRA_MEETING, Meeting, neighbour_record
 from softlab.model.scene.scene import Scene
 
 AXES = 3
@@ -26,7 +26,13 @@ class SurfaceContacts(HeldContacts):
     """
 
     def __init__(
-        self, scene: Scene, real: Any, math: str, threads: int, weights: np.ndarray, meeting: Meeting = TETRAHEDRA_MEET
+        self,
+        scene: Scene,
+        real: Any,
+        math: str,
+        threads: int,
+        weights: np.ndarray,
+        meeting: Meeting = TETRAHEDRA_MEETING,
     ):
         super().__init__(scene.contact, real, math, threads, weights, VALUES, surfaces=True)
         self._meeting, surface = meeting, meeting.surface(scene)
@@ -35,9 +41,9 @@ class SurfaceContacts(HeldContacts):
         self._at_vertex = surface.at_vertex.offsets, surface.at_vertex.indices
         self._surface = np.ascontiguousarray(surface.triangles), surface.owned
         self._around = surface.at_particle, surface.at_vertex.indices, self._surface[0]
-        own = np.ascontiguousarray(surface.body[surface.vertices])
+        vertex_body = np.ascontiguousarray(surface.body[surface.vertices])
         rest = np.ascontiguousarray(self._rest[surface.vertices].T).reshape(-1)
-        self._neighbours = Neighbours(real, math, own, own, rest, len(surface.edge), threads)
+        self._neighbours = Neighbours(real, math, vertex_body, vertex_body, rest, len(surface.edge), threads)
         self._places, self._ones = np.zeros(AXES * count, real), np.ones(count, real)
         self._missed = np.zeros(threads, np.int64)
         self._seen = np.zeros((threads, len(surface.triangles)), np.int32)
@@ -48,19 +54,19 @@ class SurfaceContacts(HeldContacts):
         """Apply the parameters that may change during a run."""
         pairs = self._meeting.pairs(scene)
         self.record, self._pairs = self._meeting.record(scene, self.real), neighbour_record(pairs, self.real)
-        self._reach = self.real(pairs[:, :, G_REACH].max())
+        self._search_radius = self.real(pairs[:, :, G_SEARCH_RADIUS].max())
         if self._meeting.ratio is not None:
             self._ratio = self._meeting.ratio(scene).astype(self.real)
 
     def find(self, before: np.ndarray, predicted: np.ndarray) -> None:
         """Search the contacts of the substep. Both arrays are (particles, 3 or more) [m]."""
         self._places.reshape(AXES, -1)[...] = before[self._vertices, :AXES].T
-        self._neighbours.find(self._places, self._ones, self._pairs, self._reach)
-        self.found[...] = 0
+        self._neighbours.find(self._places, self._ones, self._pairs, self._search_radius)
+        self.contact_counts[...] = 0
         self._find(
-            self._bands, before, predicted, self._rest, self._body, self._vertices, self._neighbours.found,
+            self._bands, before, predicted, self._rest, self._body, self._vertices, self._neighbours.pair_lists,
             self._at_vertex, self._surface, self.record[0], self._ratio, self.triangles, self.corners, self.values,
-            self.found, self._missed, self._seen,
+            self.contact_counts, self._missed, self._seen,
         )  # fmt: skip
         self.lost += int(self._missed.sum())
         self._link()

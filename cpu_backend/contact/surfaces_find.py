@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from softlab.cpu_backend.contact.self_find import V_B, V_C, V_DISTANCE, V_HELD, V_NX, V_NY, V_NZ, make_slots
+from softlab.cpu_backend.contact.self_find import V_B, V_C, V_DISTANCE, V_ENFORCED, V_NX, V_NY, V_NZ, make_slots
 from softlab.cpu_backend.contact.self_find import VALUES as OF_SHEETS
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.model.contact.particle_parameters import MAX_NEIGHBOURS
@@ -34,12 +34,12 @@ def _make_slots(compiler: Compiler, real: Any) -> SimpleNamespace:
         """
         zero, end = real(0), first
         for slot in range(first, last):
-            kept, own = True, body[corners[slot, 0]]
+            on_one_side, first_body = True, body[corners[slot, 0]]
             for lead in range(first, end):
-                if body[corners[lead, 0]] == own:
-                    kept = values[lead, V_INSIDE] == zero and values[slot, V_INSIDE] == zero
+                if body[corners[lead, 0]] == first_body:
+                    on_one_side = values[lead, V_INSIDE] == zero and values[slot, V_INSIDE] == zero
                     break
-            if kept:
+            if on_one_side:
                 if end != slot:
                     copy(slot, end, triangles, corners, values)
                 end += 1
@@ -49,13 +49,13 @@ def _make_slots(compiler: Compiler, real: Any) -> SimpleNamespace:
 
 
 def _make_triangle(compiler: Compiler, real: Any, slots: SimpleNamespace, ratios: bool) -> Any:
-    """Make meet(k, triangle, before, predicted, rest, body, surface, parameters, ratio, triangles, corners, values,
-    found): see the inner function."""
+    """Make add_contact(k, triangle, before, predicted, rest, body, surface, parameters, ratio, triangles, corners, values,
+    contact_count): see the inner function."""
     formulas = contact.make(real, compiler.compiled)
     sides = surface_contact.make(real, compiler.compiled)
-    outward, kept_by = sides.outward, sides.scaled_length
+    outward, scaled_length = sides.outward, sides.scaled_length
     nearest, away, length, dot = formulas.nearest, formulas.away, formulas.length, formulas.dot
-    held_distance, mixed = formulas.enforced_distance, formulas.mixed
+    enforced_distance, mixed = formulas.enforced_distance, formulas.mixed
     place_of, copy = slots.place_of, slots.copy
     zero, one, sheet = real(0), real(1), contact.SHEET
 
@@ -77,31 +77,49 @@ def _make_triangle(compiler: Compiler, real: Any, slots: SimpleNamespace, ratios
         )
 
     @compiler.compiled
-    def meet(k, triangle, before, predicted, rest, body, surface, parameters, ratio, triangles, corners, values, found):
-        """Insert the triangle among the nearest of vertex k if they may touch. Returns `found`, plus 1 if so."""
+    def add_contact(
+        k,
+        triangle,
+        before,
+        predicted,
+        rest,
+        body,
+        surface,
+        parameters,
+        ratio,
+        triangles,
+        corners,
+        values,
+        contact_count,
+    ):
+        """Insert the triangle among the nearest of vertex k if they may touch. Returns `contact_count`, plus 1 if so."""
         corners_of, owned = surface
         a, b, c = corners_of[triangle, 0], corners_of[triangle, 1], corners_of[triangle, 2]
         if a == k or b == k or c == k:
-            return found
+            return contact_count
         ux, uy, uz = before[b, 0] - before[a, 0], before[b, 1] - before[a, 1], before[b, 2] - before[a, 2]
         vx, vy, vz = before[c, 0] - before[a, 0], before[c, 1] - before[a, 1], before[c, 2] - before[a, 2]
         px, py, pz = before[k, 0] - before[a, 0], before[k, 1] - before[a, 1], before[k, 2] - before[a, 2]
         feature, s, t = nearest(ux, uy, uz, vx, vy, vz, px, py, pz)
         if (owned[triangle] >> feature) & 1 == 0:
-            return found
+            return contact_count
         rx, ry, rz = away(px, ux, vx, s, t), away(py, uy, vy, s, t), away(pz, uz, vz, s, t)
         distance = length(rx, ry, rz)
         nearer = max(motion(before, predicted, k, a), motion(before, predicted, k, b))
         nearer = max(nearer, motion(before, predicted, k, c))
         thickness, margin, flat = parameters.thickness, parameters.margin, parameters.normal_distance
         if ratios:  # vertices that are balls
-            thickness, margin, flat = kept_by(ratio[k], thickness), kept_by(ratio[k], margin), kept_by(ratio[k], flat)
+            thickness, margin, flat = (
+                scaled_length(ratio[k], thickness),
+                scaled_length(ratio[k], margin),
+                scaled_length(ratio[k], flat),
+            )
         if not distance < thickness + margin + nearer:
-            return found
-        first, last = k * MAX_CONTACTS, k * MAX_CONTACTS + min(found, MAX_CONTACTS)
+            return contact_count
+        first, last = k * MAX_CONTACTS, k * MAX_CONTACTS + min(contact_count, MAX_CONTACTS)
         place = place_of(first, last, distance, triangle, triangles, values)
         if place == first + MAX_CONTACTS:
-            return found + 1
+            return contact_count + 1
         for slot in range(min(last, first + MAX_CONTACTS - 1), place, -1):
             copy(slot - 1, slot, triangles, corners, values)
         rest_gap = thickness
@@ -115,29 +133,30 @@ def _make_triangle(compiler: Compiler, real: Any, slots: SimpleNamespace, ratios
         values[place, V_B], values[place, V_C], values[place, V_DISTANCE] = s, t, distance
         values[place, V_NX], values[place, V_NY], values[place, V_NZ] = nx, ny, nz
         gap = dot(nx, ny, nz, rx, ry, rz)
-        values[place, V_HELD] = held_distance(thickness, rest_gap, gap, parameters.push)
+        values[place, V_ENFORCED] = enforced_distance(thickness, rest_gap, gap, parameters.push)
         values[place, V_INSIDE] = one if inside else zero
-        return found + 1
+        return contact_count + 1
 
-    return meet
+    return add_contact
 
 
 @cache
 def make_find(real: Any, math: str, ratios: bool = False) -> Any:
     """Compile find_contacts(bands, before, predicted, rest, body, vertices, lists, at_vertex, surface, parameters,
-    ratio, triangles, corners, values, found, lost, seen), for all vertices with neighbours.
+    ratio, triangles, corners, values, contact_counts, lost, seen), for all vertices with neighbours.
 
     `lists`: the result of their search. `at_vertex`: (offsets, triangles at vertices). `surface`: (corners, owned
-    features). `found` must be 0. `seen` (bands, triangles): the last vertex that a triangle was tested for, as each of
+    features). `contact_counts` must be 0. `seen` (bands, triangles): the last vertex that a triangle was tested for,
+    as each of
     its corners leads to it.
     """
     compiler = Compiler(f"surfaces{'_of_balls' * ratios}_{np.dtype(real).name}_{math}", math)
     slots = _make_slots(compiler, real)
-    meet, one_side = _make_triangle(compiler, real, slots, ratios), slots.one_side
+    add_contact, one_side = _make_triangle(compiler, real, slots, ratios), slots.one_side
 
     def find_contacts(
         band, bands, before, predicted, rest, body, vertices, lists, at_vertex, surface, parameters, ratio, triangles,
-        corners, values, found, lost, seen,
+        corners, values, contact_counts, lost, seen,
     ):  # fmt: skip
         offsets, of_vertices = at_vertex
         entry, missed = lists.begins[band] * MAX_NEIGHBOURS, np.int64(0)
@@ -151,14 +170,14 @@ def make_find(real: Any, math: str, ratios: bool = False) -> Any:
                     triangle = np.int64(of_vertices[at])
                     if seen[band, triangle] != k:
                         seen[band, triangle] = k
-                        count = meet(
+                        count = add_contact(
                             k, triangle, before, predicted, rest, body, surface, parameters, ratio, triangles, corners,
                             values, count,
                         )  # fmt: skip
             entry += np.int64(lists.numbers[n])
-            kept, first = min(count, np.int64(MAX_CONTACTS)), k * MAX_CONTACTS
-            missed += count - kept
-            found[k] = one_side(first, first + kept, body, triangles, corners, values)
+            slot_count, first = min(count, np.int64(MAX_CONTACTS)), k * MAX_CONTACTS
+            missed += count - slot_count
+            contact_counts[k] = one_side(first, first + slot_count, body, triangles, corners, values)
         lost[band] = missed
 
     return compiler.banded(find_contacts)

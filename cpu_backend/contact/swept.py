@@ -14,7 +14,7 @@ from softlab.model.formulas.fluid import sweep
 
 def make_swept(compiler: Compiler, real: Any, pushing: SimpleNamespace) -> tuple[Any, Any]:
     """Make `touch_capsule` and `touch_box`, as in cpu_backend/contact/colliders.py; `pushing`: of `make_push`."""
-    compiled, point, answer, push = compiler.compiled, pushing.point, pushing.answer, pushing.push
+    compiled, point, response, push = compiler.compiled, pushing.point, pushing.response, pushing.push
     formulas, sums, sweeps = colliders.make(real, compiled), cloth.make(real, compiled), sweep.make(real, compiled)
     capsule, box, between, pushed = formulas.capsule, formulas.box, sums.between, sums.pushed
     capsule_entry, box_face = sweeps.capsule_entry, sweeps.box_face
@@ -31,7 +31,7 @@ def make_swept(compiler: Compiler, real: Any, pushing: SimpleNamespace) -> tuple
         if part < one:
             dx, dy, dz = between(ax, dx, part), between(ay, dy, part), between(az, dz, part)
             _, nx, ny, nz = capsule(dx, dy, dz, ex, ey, ez, radius)
-            return (cx + dx, cy + dy, cz + dz), answer(body, slow, v[0], v[1], v[2], nx, ny, nz)
+            return (cx + dx, cy + dy, cz + dz), response(body, slow, v[0], v[1], v[2], nx, ny, nz)
         distance, nx, ny, nz = capsule(dx, dy, dz, ex, ey, ez, radius)
         return push(body, slow, distance, (nx, ny, nz), p, v)
 
@@ -44,7 +44,7 @@ def make_swept(compiler: Compiler, real: Any, pushing: SimpleNamespace) -> tuple
         if nx != zero or ny != zero or nz != zero:
             depth = depth + body[B_THICKNESS]
             x, y, z = pushed(p[0], depth, nx), pushed(p[1], depth, ny), pushed(p[2], depth, nz)
-            return (x, y, z), answer(body, slow, v[0], v[1], v[2], nx, ny, nz)
+            return (x, y, z), response(body, slow, v[0], v[1], v[2], nx, ny, nz)
         distance, nx, ny, nz = box(dx, dy, dz, hx, hy, hz)
         return push(body, slow, distance, (nx, ny, nz), p, v)
 

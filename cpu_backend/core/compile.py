@@ -67,15 +67,15 @@ class Compiler:
         self._inner: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "_nrt": False}
 
     def compiled(self, function: Callable) -> Any:
-        return self._made_once(function)
+        return self._compiled_once(function)
 
     def inlined(self, function: Callable) -> Any:
         """Compile as `compiled`, for functions with so many arguments that passing them costs more than a short row."""
-        return self._made_once(function, forceinline=True)
+        return self._compiled_once(function, forceinline=True)
 
     def row(self, function: Callable) -> Any:
         """Compile a loop along rows. Its array arguments must not overlap, except for those that it only reads."""
-        return self._made_once(function, pipeline_class=_RowPipeline)
+        return self._compiled_once(function, pipeline_class=_RowPipeline)
 
     def kernel(self, function: Callable, parallel: bool = True) -> Any:
         """Compile a parallel kernel, cached on disk; without a writable folder it is compiled each time."""
@@ -93,9 +93,9 @@ class Compiler:
         """
         name, run, all_members = self._inside(function)
 
-        def team(bands, *given):
+        def team(bands, *values):
             flags = new_team(bands)
-            entry, arguments = packed(run, (flags,), bands, given)
+            entry, arguments = packed(run, (flags,), bands, values)
             all_members(entry, arguments, bands)
             flags[0, 1] = bands  # keeps them alive until here
 
@@ -103,11 +103,11 @@ class Compiler:
         kernel = self.kernel(team, parallel=False)
 
         @in_python(kernel)
-        def one_after_the_other(bands: int, *given: Any) -> None:
+        def one_after_the_other(bands: int, *values: Any) -> None:
             flags = translated(new_team)(bands)
             for member in range(bands):
                 still_time()
-                translated(run)(flags, member, bands, *given)
+                translated(run)(flags, member, bands, *values)
 
         return kernel
 
@@ -116,18 +116,18 @@ class Compiler:
         order."""
         name, run, all_members = self._inside(function)
 
-        def banded(bands, *given):
-            entry, arguments = packed(run, (), bands, given)
+        def banded(bands, *values):
+            entry, arguments = packed(run, (), bands, values)
             all_members(entry, arguments, bands)
 
         banded.__name__ = f"banded_{name}"
         kernel = self.kernel(banded, parallel=False)
 
         @in_python(kernel)
-        def one_after_the_other(bands: int, *given: Any) -> None:
+        def one_after_the_other(bands: int, *values: Any) -> None:
             for band in range(bands):
                 still_time()
-                translated(run)(band, bands, *given)
+                translated(run)(band, bands, *values)
 
         return kernel
 
@@ -135,9 +135,9 @@ class Compiler:
         """Return the components of a parallel kernel: name, function of a member or band, parallel region."""
         known = getattr(function, "softlab_content", None)
         name = function.__name__.removesuffix(f"_{known}")
-        return name, function if known else self._made_once(function, BodyPipeline), _region()
+        return name, function if known else self._compiled_once(function, BodyPipeline), _region()
 
-    def _made_once(self, function: Callable, pipeline_class: Any = LinkedPipeline, **options: Any) -> Any:
+    def _compiled_once(self, function: Callable, pipeline_class: Any = LinkedPipeline, **options: Any) -> Any:
         content = content_digest(function, self.options, options, pipeline_class.__name__, _HOW)
         if content not in _shared:
             _shared[content] = numba.njit(**self.options, **self._inner, **options, pipeline_class=pipeline_class)(

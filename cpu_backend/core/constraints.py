@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
-from softlab.cpu_backend.core.progress import shares
+from softlab.cpu_backend.core.progress import assigned
 from softlab.model.base.tuples import each_of, tuple_of
 from softlab.model.particles.constraints import ConstraintSet, Projection
 
@@ -25,14 +25,14 @@ TOGETHER = 16
 SetArrays = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
-def set_arrays(found: ConstraintSet, projection: Projection, real: Any) -> SetArrays:
+def set_arrays(constraint_set: ConstraintSet, projection: Projection, real: Any) -> SetArrays:
     """Return (corners, values, multipliers, starts) of a set, the arguments of kernels."""
-    rows = len(found.corners) if projection.soft else 0
+    rows = len(constraint_set.corners) if projection.soft else 0
     return (
-        np.ascontiguousarray(found.corners, np.int32),
-        np.ascontiguousarray(found.values, real),
+        np.ascontiguousarray(constraint_set.corners, np.int32),
+        np.ascontiguousarray(constraint_set.values, real),
         np.zeros((rows, projection.multipliers), real),
-        found.starts.astype(np.int32),
+        constraint_set.starts.astype(np.int32),
     )
 
 
@@ -124,20 +124,20 @@ def make_projections(compiler: Compiler, real: Any, projection: Projection, part
 
         return multiplier
 
-    def keep_at(n: int) -> Any:
+    def store_at(n: int) -> Any:
         @compiled
-        def keep(multipliers, fresh, unused, k, multiplier):
+        def store(multipliers, fresh, unused, k, multiplier):
             multipliers[k, n] = multiplier
 
-        return keep
+        return store
 
     points_of = tuple_of(projection.corners, point_at, compiled)
     weights_of = tuple_of(projection.corners, weight_at, compiled)
     values_of = tuple_of(projection.values, value_at, compiled)
     multipliers_of = tuple_of(projection.multipliers, multiplier_at, compiled)
-    put_all, keep_all = (
+    put_all, store_all = (
         each_of(projection.moved, put_at, compiled),
-        each_of(projection.multipliers, keep_at, compiled),
+        each_of(projection.multipliers, store_at, compiled),
     )
 
     @compiled
@@ -157,7 +157,7 @@ def make_projections(compiler: Compiler, real: Any, projection: Projection, part
                     )  # fmt: skip
                     put_all(position, weights, corners, k, moved)
                     if is_soft:
-                        keep_all(multipliers, fresh, values, k, total)
+                        store_all(multipliers, fresh, values, k, total)
 
     return project
 
@@ -168,10 +168,10 @@ def make_colours(compiler: Compiler, projects: Sequence[Any], runs: Sequence[int
     It projects all constraints once, set by set and colour by colour. `projects`: make_projections of each set; `runs`:
     of each; `sets`: their set_arrays, at least one.
     """
-    found: Any = None
+    sweep: Any = None
     for number in range(len(projects) - 1, -1, -1):
-        found = _of_set(compiler, number, projects[number], runs[number], found)
-    return found
+        sweep = _of_set(compiler, number, projects[number], runs[number], sweep)
+    return sweep
 
 
 def _of_set(compiler: Compiler, number: int, project: Any, run: int, others: Any) -> Any:
@@ -184,7 +184,7 @@ def _of_set(compiler: Compiler, number: int, project: Any, run: int, others: Any
         for colour in range(starts.size - 1):
             start, runs = np.int64(starts[colour]), (starts[colour + 1] - starts[colour]) // run
             parts = bands if runs * run >= ALONE else 1
-            for part in shares(team, member, parts):
+            for part in assigned(team, member, parts):
                 first, last = start + run * (runs * part // parts), start + run * (runs * (part + 1) // parts)
                 project(first, last, position, weights, before, corners, values, multipliers, fresh, parameters)
         if has_others:

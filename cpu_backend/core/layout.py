@@ -68,13 +68,13 @@ class Layout:
         planes = state.reshape(self.planes, self.plane)[:, : self.rows * self.stride]
         return planes.reshape(self.planes, self.rows, self.stride)[:, :, : columns or self.columns]
 
-    def rows_of(self, state: np.ndarray, held: slice) -> np.ndarray:
-        """Return (planes, rows, columns) of the rows `held` of a flat state, columns in their order."""
-        return self.view(state)[:, held]
+    def rows_of(self, state: np.ndarray, span: slice) -> np.ndarray:
+        """Return (planes, rows, columns) of the rows `span` of a flat state, columns in their order."""
+        return self.view(state)[:, span]
 
-    def put_rows(self, state: np.ndarray, held: slice, rows: np.ndarray) -> None:
-        """Write `rows` into the rows `held` of a flat state."""
-        self.view(state)[:, held] = rows
+    def put_rows(self, state: np.ndarray, span: slice, rows: np.ndarray) -> None:
+        """Write `rows` into the rows `span` of a flat state."""
+        self.view(state)[:, span] = rows
 
 
 def plain(rows: int, columns: int, planes: int = PLANES) -> Layout:

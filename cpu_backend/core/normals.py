@@ -43,10 +43,10 @@ def make_normals(real: Any) -> Any:
         for row in prange(state.shape[1]):
             i = np.int64(row)
             for j in range(state.shape[2]):
-                own = plus(cell(state, i, j, False), cell(state, i, j, True))
+                central = plus(cell(state, i, j, False), cell(state, i, j, True))
                 beside = plus(cell(state, i, j - 1, True), cell(state, i - 1, j, False))
                 opposite = plus(cell(state, i - 1, j - 1, False), cell(state, i - 1, j - 1, True))
-                x, y, z = plus(plus(own, beside), opposite)
+                x, y, z = plus(plus(central, beside), opposite)
                 k = i * state.shape[2] + j
                 out[k, 0], out[k, 1], out[k, 2] = unit(x, y, z)
 

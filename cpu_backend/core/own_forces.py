@@ -9,29 +9,29 @@ import numpy as np
 from numba import prange
 
 from softlab.cpu_backend.core.compile import Compiler
-from softlab.model.core.own_forces import WINDOW, OwnForce, make_own, own_forces
+from softlab.model.core.own_forces import WINDOW, OwnForce, make_particle_forces, particle_forces
 from softlab.model.core.plan import Moment, StageRun
 
 
-def make_own_force(compiler: Compiler, real: Any, axes: int, parts: frozenset[str]) -> Any:
+def make_particle_force(compiler: Compiler, real: Any, axes: int, parts: frozenset[str]) -> Any:
     """Make own(a, k, weight, parameters, integers, step) (model/core/own_forces.py)."""
-    return make_own(real, compiler.compiled, lambda make: make(real, compiler.compiled), axes, parts)
+    return make_particle_forces(real, compiler.compiled, lambda make: make(real, compiler.compiled), axes, parts)
 
 
-def make_own_row(compiler: Compiler, real: Any, axes: int, parts: frozenset[str]) -> Any:
+def make_particle_force_row(compiler: Compiler, real: Any, axes: int, parts: frozenset[str]) -> Any:
     """Make add(count, first, step, parameters, integers, x, y[, z]).
 
     It adds to a row's sums of accelerations, one array per axis, for `count` particles from number `first` on.
     """
-    own, one = make_own_force(compiler, real, axes, parts), real(1)
+    particle_force, one = make_particle_force(compiler, real, axes, parts), real(1)
 
     def add_2d(count, first, step, parameters, integers, x, y):
         for j in range(count):
-            x[j], y[j] = own((x[j], y[j]), first + j, one, parameters, integers, step)
+            x[j], y[j] = particle_force((x[j], y[j]), first + j, one, parameters, integers, step)
 
     def add_3d(count, first, step, parameters, integers, x, y, z):
         for j in range(count):
-            x[j], y[j], z[j] = own((x[j], y[j], z[j]), first + j, one, parameters, integers, step)
+            x[j], y[j], z[j] = particle_force((x[j], y[j], z[j]), first + j, one, parameters, integers, step)
 
     return compiler.row(add_2d if axes == 2 else add_3d)
 
@@ -44,7 +44,9 @@ def _make_stage(real: Any, math: str, axes: int, force: OwnForce, has_load: bool
     the sheet's, if they differ (`has_load`); `window`: {WINDOW} if the sheet is one, else empty.
     """
     compiler = Compiler(f"{force.part}_{axes}d_{np.dtype(real).name}_{math}", math)
-    own = make_own_force(compiler, real, axes, window | {force.part} | ({"load"} if has_load else set()))
+    particle_force = make_particle_force(
+        compiler, real, axes, window | {force.part} | ({"load"} if has_load else set())
+    )
     zero, one = real(0), real(1)
 
     def stage(acceleration, weights, record, integers, step):
@@ -54,9 +56,11 @@ def _make_stage(real: Any, math: str, axes: int, force: OwnForce, has_load: bool
                 weight = weights[i, j] if has_load else one
                 z = acceleration[2, i, j] if axes == 3 else zero
                 a = acceleration[0, i, j], acceleration[1, i, j]
-                found = own(a if axes == 2 else (a[0], a[1], z), i * columns + j, weight, record[0], integers, step)
+                acceleration_now = particle_force(
+                    a if axes == 2 else (a[0], a[1], z), i * columns + j, weight, record[0], integers, step
+                )
                 for axis in range(axes):
-                    acceleration[axis, i, j] = found[axis]
+                    acceleration[axis, i, j] = acceleration_now[axis]
 
     return compiler.kernel(stage)
 
@@ -85,4 +89,4 @@ def bind_forces(sim: Any, acceleration: np.ndarray, weights: np.ndarray | None =
     def add_gravity(moment: Moment) -> None:
         gravity(acceleration, sim.record)
 
-    return {"gravity": add_gravity, **{force.stage: bound(force) for force in own_forces(sim.plan.parts)}}
+    return {"gravity": add_gravity, **{force.stage: bound(force) for force in particle_forces(sim.plan.parts)}}

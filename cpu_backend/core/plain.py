@@ -116,7 +116,7 @@ def translated(dispatcher: Any) -> Callable:
     return _translated[dispatcher]
 
 
-def _is_made(dispatcher: Any) -> bool:
+def _is_dispatcher(dispatcher: Any) -> bool:
     """Return True if a kernel has machine code, from this process or cached."""
     return bool(dispatcher.overloads) or getattr(dispatcher._cache, "has_any", False)
 
@@ -132,7 +132,7 @@ def _arrays(arguments: Any) -> Iterator[np.ndarray]:
 
 def _call(dispatcher: Any, *arguments: Any) -> Any:
     global _left, _end
-    if _left < math.inf and _is_made(dispatcher):
+    if _left < math.inf and _is_dispatcher(dispatcher):
         numba.set_num_threads(
             numba.get_num_threads()
         )  # starts the threads: cached code of a team may be called before any solver did

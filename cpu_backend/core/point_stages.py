@@ -15,7 +15,7 @@ def make_point_stages(compiler: Compiler, real: Any, parts: frozenset[str]) -> S
     """Make the stages without neighbours. Arrays are (axes, rows, columns), `weights` (rows, columns)."""
     compiled, kernel = compiler.compiled, compiler.kernel
     formulas = distance.make(real, compiled)
-    kicked, kept, predicted, rate, added = (
+    kicked, damping_factor, predicted, rate, added = (
         formulas.kicked, formulas.damping_factor, formulas.predicted, formulas.rate, formulas.added
     )  # fmt: skip
     has_load, has_damping = "load" in parts, "damping" in parts
@@ -36,12 +36,12 @@ def make_point_stages(compiler: Compiler, real: Any, parts: frozenset[str]) -> S
         axes, rows, columns = position.shape
         for i in prange(rows):
             for j in range(columns):
-                w, keep = weights[i, j], one
+                w, factor = weights[i, j], one
                 if has_damping:
-                    keep = kept(record[0].braking, w) if has_load else record[0].keep
+                    factor = damping_factor(record[0].braking, w) if has_load else record[0].keep
                 for axis in range(axes):
                     p = position[axis, i, j]
-                    v = kicked(velocity[axis, i, j], keep, record[0].dt, acceleration[axis, i, j])
+                    v = kicked(velocity[axis, i, j], factor, record[0].dt, acceleration[axis, i, j])
                     before[axis, i, j] = p
                     position[axis, i, j] = predicted(p, record[0].dt, v) if w > zero else p
 

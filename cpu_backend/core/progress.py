@@ -135,14 +135,14 @@ def new_flags(count: int) -> np.ndarray:
 
 
 @numba.njit(nogil=True)
-def bide(looks, spins):
-    """Wait before the next check of a flag, after `looks` checks: `spins` pauses, then YIELDS yields, then sleep."""
-    if looks < spins:
+def bide(checks, spins):
+    """Wait before the next check of a flag, after `checks` checks: `spins` pauses, then YIELDS yields, then sleep."""
+    if checks < spins:
         pause()
-    elif looks < spins + YIELDS:
+    elif checks < spins + YIELDS:
         yield_processor()
     else:
-        _system_sleep(max(np.int64(1), (SHORTEST_SLEEP << min(looks - spins - YIELDS, LONGER)) // _SLEEP_UNIT))
+        _system_sleep(max(np.int64(1), (SHORTEST_SLEEP << min(checks - spins - YIELDS, LONGER)) // _SLEEP_UNIT))
 
 
 # ---------------------------------------------------------------------- teams
@@ -170,7 +170,7 @@ def take(team, part, phase):
 
 
 @numba.njit(**_inner)
-def shares(team, member, count):
+def assigned(team, member, count):
     """Iterate over the parts 0 to `count` - 1 of a phase that a member has to do; ends when all parts are done, by any
     member.
 
@@ -180,23 +180,23 @@ def shares(team, member, count):
     phases may run late, twice and at any time: it must not read anything that phases write, nor write anything.
     """
     members = np.int64(team.shape[0]) // 3
-    own = 2 * members + member
-    phase, patience, looks, stepped_in = team[own, 0] + 1, team[own, 1], 0, False
-    team[own, 0] = phase
+    slot = 2 * members + member
+    phase, patience, checks, stepped_in = team[slot, 0] + 1, team[slot, 1], 0, False
+    team[slot, 0] = phase
     for n in range(count):
         part = (member + n) % count
         if n == 0 and take(team, part, phase):
             yield part
             store_release(team, members + part, phase)
         while load_acquire(team, members + part) < phase:
-            if looks >= patience and take(team, part, phase):
+            if checks >= patience and take(team, part, phase):
                 stepped_in = True
                 yield part
                 store_release(team, members + part, phase)
             else:
-                bide(looks, SPINS)
-                looks += 1
-    team[own, 1] = patience // 2 if stepped_in else SPINS
+                bide(checks, SPINS)
+                checks += 1
+    team[slot, 1] = patience // 2 if stepped_in else SPINS
 
 
 @in_python(load_acquire)
@@ -218,7 +218,7 @@ def _exchange(flags: np.ndarray, flag: int, expected: int, value: int) -> bool:
 
 
 @in_python(bide)
-def _no_time(looks: int, spins: int) -> None:
+def _no_time(checks: int, spins: int) -> None:
     pass
 
 
@@ -227,11 +227,11 @@ def _team(members: int) -> np.ndarray:
     return new_team.py_func(members)  # not translated: element types of arrays are no conversions
 
 
-@in_python(shares)
+@in_python(assigned)
 def _all_parts(team: np.ndarray, member: int, count: int) -> Iterator[int]:
     """Run members in sequence: the first does every part, the others find them done."""
-    own = 2 * (len(team) // 3) + member
-    phase = team[own, 0] = team[own, 0] + 1
+    slot = 2 * (len(team) // 3) + member
+    phase = team[slot, 0] = team[slot, 0] + 1
     for part in range(count):
         if team[part, 0] < phase:
             still_time()

@@ -87,9 +87,9 @@ def region(entry, arguments, members):
 
 
 @_built_in
-def packed(typing_context, body, first, members, given):
+def packed(typing_context, body, first, members, values):
     """Return the addresses of a kernel's body and its arguments; the body takes (*first, member, members, *given)."""
-    taken = (*first.types, types.int64, members, *given.types)
+    taken = (*first.types, types.int64, members, *values.types)
     place_of_member = len(first.types)
     flushed = FLUSH and body.dispatcher.targetoptions.get("fastmath")
 
@@ -119,4 +119,4 @@ def packed(typing_context, body, first, members, given):
         return context.make_tuple(builder, signature.return_type, addresses)
 
     body.dispatcher.compile(taken)  # before the code around it is compiled
-    return types.UniTuple(types.int64, 2)(body, first, members, given), build
+    return types.UniTuple(types.int64, 2)(body, first, members, values), build

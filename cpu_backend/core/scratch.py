@@ -11,7 +11,7 @@ from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import block_of
 
 AXES = 3
-REACH = 2  # columns that a spring spans at most
+SPAN = 2  # columns that a spring spans at most
 
 
 def cloth_variant(kernel: str, real: Any, math: str, parts: frozenset[str]) -> str:
@@ -65,7 +65,7 @@ def make_scratch(compiler: Compiler, real: Any) -> SimpleNamespace:
 
     @compiler.compiled
     def edge(triple, axis, width):
-        return np.int64((AXES * triple + axis) * width + block - REACH)
+        return np.int64((AXES * triple + axis) * width + block - SPAN)
 
     @compiler.compiled
     def forget(scratch, triple, column, width):

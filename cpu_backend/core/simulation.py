@@ -109,11 +109,11 @@ class CpuSimulation(Simulation):
 
     def _seeds(self, count: int = 3) -> np.ndarray:
         """Return (count,) uint64: the seed of external forces; 1 + the poked particle or 0; the seed of gusts; ..."""
-        found = np.zeros(count, np.uint64)
-        found[0] = self.scene.external.seed if self.scene.external else 0
+        seeds = np.zeros(count, np.uint64)
+        seeds[0] = self.scene.external.seed if self.scene.external else 0
         if count > 2:
-            found[2] = self.scene.wind.seed if self.scene.wind else 0
-        return found
+            seeds[2] = self.scene.wind.seed if self.scene.wind else 0
+        return seeds
 
     def _set_colliders(self, rows: np.ndarray) -> None:
         self.bodies = rows
@@ -155,8 +155,8 @@ class ParticlesSimulation(CpuSimulation):
 
     def _first_diverged(self) -> int:
         numba.set_num_threads(self._bands)
-        look = make_first_diverged_of(self.real, self.scene.dimensions)
-        look(*self._places(), self.real(self._bound), self._centre.astype(self.real), self._bands, self._bad)
+        first_diverged = make_first_diverged_of(self.real, self.scene.dimensions)
+        first_diverged(*self._places(), self.real(self._bound), self._centre.astype(self.real), self._bands, self._bad)
         bad = self._bad[self._bad >= 0]
         return int(bad[0]) if len(bad) else -1
 
@@ -164,13 +164,13 @@ class ParticlesSimulation(CpuSimulation):
 class QuadsSimulation(Targeted, ParticlesSimulation):
     """A simulation of particles in rows of WIDTH numbers; `_allocate` makes the arrays, `_before` starts a substep."""
 
-    def _allocate(self, shares: int) -> None:
-        """Allocate the arrays, for threads that process at least one of `shares` blocks each."""
+    def _allocate(self, max_bands: int) -> None:
+        """Allocate the arrays, for threads that process at least one of `max_bands` blocks each."""
         count, real = len(self.body.position), self.real
         self._position, self._velocity, self._before = (np.zeros((count, WIDTH), real) for _ in range(3))
         self._position[:, 3] = self.body.inverse_mass * self.scene.grid.mass
-        self._kept = np.zeros((2, count, WIDTH), real)
-        self._bands = max(1, min(self.threads, shares))
+        self._snapshot = np.zeros((2, count, WIDTH), real)
+        self._bands = max(1, min(self.threads, max_bands))
         self._bad, self._slots = np.zeros(self._bands, np.int64), WIDTH * np.arange(count)
 
     def _set_driven(self) -> None:
@@ -189,10 +189,10 @@ class QuadsSimulation(Targeted, ParticlesSimulation):
         return pin_velocity(self.bodies, self._first_pin, len(self.driven), number, self._record)
 
     def _store_snapshot(self) -> None:
-        self._kept[0], self._kept[1] = self._position, self._velocity
+        self._snapshot[0], self._snapshot[1] = self._position, self._velocity
 
     def _restore(self) -> None:
-        self._position[...], self._velocity[...] = self._kept
+        self._position[...], self._velocity[...] = self._snapshot
 
     def _places(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
         return self._position.reshape(-1), self._velocity.reshape(-1), self._slots, 1
@@ -220,12 +220,12 @@ class QuadsSimulation(Targeted, ParticlesSimulation):
 class RowsSimulation(CpuSimulation):
     """A simulation of a sheet: a state is planes of rows, positions first, then velocities, one flat array
     (core/layout.py); steps go from one of several such arrays to the next. A solver sets `_layout`, `_states` (flat,
-    several), `_current` (index of the state) and `_kept`, and calls `_set_pins`."""
+    several), `_current` (index of the state) and `_snapshot`, and calls `_set_pins`."""
 
     _layout: Layout
     _states: np.ndarray
     _current: int
-    _kept: np.ndarray
+    _snapshot: np.ndarray
 
     def _set_pins(self) -> None:
         """Set the pinned masses, row by row, and the arrays of the check for divergence."""
@@ -253,13 +253,13 @@ class RowsSimulation(CpuSimulation):
     @property
     def pinned_position(self) -> np.ndarray:
         """(dimensions, pins): positions of the pinned masses. They never move, so any state has them."""
-        return self._layout.view(self._kept)[: self.scene.dimensions, self._pin_row, self._pin_column]
+        return self._layout.view(self._snapshot)[: self.scene.dimensions, self._pin_row, self._pin_column]
 
     def _store_snapshot(self) -> None:
-        self._kept[...] = self._flat
+        self._snapshot[...] = self._flat
 
     def _restore(self) -> None:
-        self._flat[...] = self._kept
+        self._flat[...] = self._snapshot
 
     def _first_diverged(self) -> int:
         numba.set_num_threads(self.threads)
@@ -283,9 +283,9 @@ class RowsSimulation(CpuSimulation):
 
     def take_rows(self, first: int, rows: np.ndarray) -> None:
         """Replace the rows from `first` on by `rows`."""
-        held = slice(first, first + rows.shape[1])
-        self._layout.put_rows(self._flat, held, rows)
-        self._place_ghosts(held)
+        span = slice(first, first + rows.shape[1])
+        self._layout.put_rows(self._flat, span, rows)
+        self._place_ghosts(span)
 
     def _place_ghosts(self, rows: slice) -> None:
         """Update the padding of rows that were written."""

@@ -15,7 +15,7 @@ from numba import prange
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, block_of, row_at
-from softlab.cpu_backend.core.scratch import AXES, REACH
+from softlab.cpu_backend.core.scratch import AXES, SPAN
 from softlab.model.formulas import cloth, random, wind
 
 
@@ -123,10 +123,10 @@ def make_winds(
 
     @compiler.row
     def add_row(blocks, first, second, first_above, second_above, out):
-        for k in range(REACH, blocks * block + REACH):
-            own, beside = first[k] + second[k], second[k - 1] + first_above[k]
+        for k in range(SPAN, blocks * block + SPAN):
+            central, beside = first[k] + second[k], second[k - 1] + first_above[k]
             opposite = first_above[k - 1] + second_above[k - 1]
-            out[k - REACH] = out[k - REACH] + ((own + beside) + opposite)
+            out[k - SPAN] = out[k - SPAN] + ((central + beside) + opposite)
 
     @compiled
     def add_wind(i, blocks, scratch, width):
@@ -147,26 +147,26 @@ def make_wind_stage(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any
     compiled = compiler.compiled
 
     @compiled
-    def corner(state, i, j, rows, columns, own_row, own_column):
+    def corner(state, i, j, rows, columns, edge_row, edge_column):
         """Return (position, velocity) of mass (i, j), or beyond the edge of the mass (own_row, own_column)."""
         x, y, z, vx, vy, vz = state
         if i < 0 or i >= rows or j < 0 or j >= columns:
-            i, j = own_row, own_column
+            i, j = edge_row, edge_column
         return (x[i, j], y[i, j], z[i, j]), (vx[i, j], vy[i, j], vz[i, j])
 
     @compiled
-    def cell(state, i, j, upper, rows, columns, own_row, own_column, air, parameters):
+    def cell(state, i, j, upper, rows, columns, edge_row, edge_column, air, parameters):
         """Return the wind on each corner of a triangle of cell (i, j): the upper one (A, D, B) or the lower one (A, C,
         D)."""
         if i < 0 or i >= rows - 1 or j < 0 or j >= columns - 1:
-            a, va = corner(state, own_row, own_column, rows, columns, own_row, own_column)
+            a, va = corner(state, edge_row, edge_column, rows, columns, edge_row, edge_column)
             return triangle(a, a, a, va, va, va, air, parameters.drag, parameters.lift)
-        a, va = corner(state, i, j, rows, columns, own_row, own_column)
-        d, vd = corner(state, i + 1, j + 1, rows, columns, own_row, own_column)
+        a, va = corner(state, i, j, rows, columns, edge_row, edge_column)
+        d, vd = corner(state, i + 1, j + 1, rows, columns, edge_row, edge_column)
         if upper:
-            b, vb = corner(state, i, j + 1, rows, columns, own_row, own_column)
+            b, vb = corner(state, i, j + 1, rows, columns, edge_row, edge_column)
             return triangle(a, d, b, va, vd, vb, air, parameters.drag, parameters.lift)
-        c, vc = corner(state, i + 1, j, rows, columns, own_row, own_column)
+        c, vc = corner(state, i + 1, j, rows, columns, edge_row, edge_column)
         return triangle(a, c, d, va, vc, vd, air, parameters.drag, parameters.lift)
 
     @compiled
@@ -180,7 +180,7 @@ def make_wind_stage(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any
         for row in prange(rows):
             i = np.int64(row)
             for j in range(columns):
-                own = plus(
+                central = plus(
                     cell(state, i, j, False, rows, columns, i, j, air, record[0]),
                     cell(state, i, j, True, rows, columns, i, j, air, record[0]),
                 )
@@ -192,7 +192,7 @@ def make_wind_stage(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any
                     cell(state, i - 1, j - 1, False, rows, columns, i, j, air, record[0]),
                     cell(state, i - 1, j - 1, True, rows, columns, i, j, air, record[0]),
                 )
-                push_x, push_y, push_z = plus(plus(own, beside), opposite)
+                push_x, push_y, push_z = plus(plus(central, beside), opposite)
                 ax[i, j] += push_x
                 ay[i, j] += push_y
                 az[i, j] += push_z

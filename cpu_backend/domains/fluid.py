@@ -21,30 +21,30 @@ class FluidWindow(Fluid):
     more; the cell table is that of all particles, which determine its width."""
 
     def _allocate(self) -> None:
-        self._particles, self._held = LANES, np.zeros(1, np.int64)
+        self._particles, self._active_count = LANES, np.zeros(1, np.int64)
         super()._allocate()
 
     def _grow(self, count: int) -> None:
         """Increase the capacity to `count` particles. The snapshot and the results of the last substep are
         preserved."""
-        kept, counts, multiplier = self._kept, self._counts, self._world.work.multiplier
+        snapshot, counts, multiplier = self._snapshot, self._counts, self._world.work.multiplier
         self._particles = min(int(SPARE * count), len(self.body.position))
-        room = self._room
+        capacity = self._capacity
         super()._allocate()
-        self._counts[:], self._world.work.multiplier[:room] = counts, multiplier[:room]
-        for array, old in zip(self._kept, kept, strict=True):
-            for plane in range(len(old) // room):
-                array[plane * self._room :][:room] = old[plane * room :][:room]
-        self._kept[-1][:] = kept[-1]
+        self._counts[:], self._world.work.multiplier[:capacity] = counts, multiplier[:capacity]
+        for array, old in zip(self._snapshot, snapshot, strict=True):
+            for plane in range(len(old) // capacity):
+                array[plane * self._capacity :][:capacity] = old[plane * capacity :][:capacity]
+        self._snapshot[-1][:] = snapshot[-1]
         self._executor = Executor(self.plan, self._stages())
 
     @property
     def _now(self) -> tuple[np.ndarray, ...]:
-        return (*self._state, self._held)
+        return (*self._state, self._active_count)
 
     @property
     def there(self) -> int:
-        return int(self._held[0])
+        return int(self._active_count[0])
 
     def run_stage(self, name: str, moment: Moment) -> None:
         """Run one stage of the plan."""
@@ -63,41 +63,41 @@ class FluidWindow(Fluid):
     @property
     def _boxes(self) -> np.ndarray:
         """Boxes of the bands (bands, 6)."""
-        found: np.ndarray = self._world.table.boxes.reshape(-1, BOX)
-        return found
+        boxes: np.ndarray = self._world.table.boxes.reshape(-1, BOX)
+        return boxes
 
     def particles(self) -> tuple[np.ndarray, np.ndarray]:
         """Return (numbers (n,), positions and velocities (2 x dimensions, n)) of the active particles."""
         count = self.there
         return self._state.number[:count], np.concatenate([array[:, :count] for array in self._planes])
 
-    def hold(self, number: np.ndarray, values: np.ndarray) -> None:
+    def set_particles(self, number: np.ndarray, values: np.ndarray) -> None:
         """Replace all active particles by these."""
         count, axes = len(number), self.scene.dimensions
         if count > self._particles:
             self._grow(count)
-        self._held[0], self._state.number[:count] = count, number
+        self._active_count[0], self._state.number[:count] = count, number
         self._state.fluid[:count] = self.scene.fluid_set.fluid[number]
         for array, some in zip(self._planes, (values[:axes], values[axes:]), strict=True):
             array[:, :count] = some
 
     @property
     def _planes(self) -> Any:
-        axes, room = self.scene.dimensions, self._room
-        return [array[: axes * room].reshape(axes, room) for array in self._state[:2]]
+        axes, capacity = self.scene.dimensions, self._capacity
+        return [array[: axes * capacity].reshape(axes, capacity) for array in self._state[:2]]
 
     def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
         """Remove all particles: those in a slab and near it are `held`."""
-        self._held[0] = 0
+        self._active_count[0] = 0
 
     def _places(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
-        return self._state.position, self._state.velocity, np.argsort(self._state.number[: self.there]), self._room
+        return self._state.position, self._state.velocity, np.argsort(self._state.number[: self.there]), self._capacity
 
     def _first_diverged(self) -> int:
-        found = super()._first_diverged()
-        return found if found < 0 else int(np.sort(self._state.number[: self.there])[found])
+        bad = super()._first_diverged()
+        return bad if bad < 0 else int(np.sort(self._state.number[: self.there])[bad])
 
     def multipliers_at(self, places: np.ndarray) -> np.ndarray:
         """Return the multipliers of the last substep [m^2], by place after it."""
-        found: np.ndarray = self._world.work.multiplier[places]
-        return found
+        multipliers: np.ndarray = self._world.work.multiplier[places]
+        return multipliers

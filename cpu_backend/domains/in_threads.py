@@ -25,19 +25,19 @@ class Meeting:
         self.queues: dict[tuple[int, int], Queue[np.ndarray]] = {
             (source, target): Queue() for source in range(count) for target in range(count)
         }
-        self.told: list[Any] = [None] * count
+        self.posted: list[Any] = [None] * count
         self.barrier = threading.Barrier(count)
 
     def all_of(self, rank: int, what: Any) -> Sequence[Any]:
         """Return the values `what` of all ranks."""
-        self.told[rank] = what
+        self.posted[rank] = what
         try:
             self.barrier.wait(self.patience)
-            found = list(self.told)
+            messages = list(self.posted)
             self.barrier.wait(self.patience)  # before any rank writes its next value
         except threading.BrokenBarrierError:
             raise lost("another rank", self.patience) from None
-        return found
+        return messages
 
 
 class AmongThreads(NothingSent):
@@ -50,11 +50,11 @@ class AmongThreads(NothingSent):
         return np.concatenate(self._meeting.all_of(self.rank, owned))
 
     def largest_each(self, numbers: np.ndarray) -> np.ndarray:
-        found: np.ndarray = np.max(self._meeting.all_of(self.rank, numbers), axis=0)
-        return found
+        largest: np.ndarray = np.max(self._meeting.all_of(self.rank, numbers), axis=0)
+        return largest
 
     def swap(self, messages: Sequence[Sequence[np.ndarray]]) -> list[list[np.ndarray]]:
-        return [[told[self.rank] for told in self._meeting.all_of(self.rank, messages[0])]]
+        return [[message[self.rank] for message in self._meeting.all_of(self.rank, messages[0])]]
 
 
 class ThreadExchange(RankExchange, AmongThreads):
@@ -107,7 +107,7 @@ def run_in_threads(count: int, program: Callable[[Ranks], Any], patience: float 
     for thread in threads:
         thread.join()
     raised = [error for error in errors if error is not None]
-    own = [error for error in raised if not isinstance(error, BackendUnavailable)]
-    for error in own or raised:
+    direct = [error for error in raised if not isinstance(error, BackendUnavailable)]
+    for error in direct or raised:
         raise error
     return results

@@ -80,8 +80,8 @@ class OnRanks(WindowedSimulation):
         self, scene: Scene, options: Options, ranks: Ranks, threads: str | int = "1x", steps: int | None = None
     ):
         self._ranks, self._words = ranks, shared_threads(threads, ranks.count)
-        shares = self.divided(scene, ranks.count, steps, "--ranks")
-        super().__init__(scene, options, shares, [ranks.rank])  # type: ignore[call-arg]  # of what it is mixed into
+        decomposition = self.divided(scene, ranks.count, steps, "--ranks")
+        super().__init__(scene, options, decomposition, [ranks.rank])  # type: ignore[call-arg]  # of what it is mixed into
 
     def _open(self, place: int, scene: Scene, options: Options) -> Simulation:
         return named(family_of(scene).solvers["cpu"])(scene, options, self._words)

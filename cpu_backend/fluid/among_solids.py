@@ -59,55 +59,55 @@ class FluidAmongSolids(Fluid):
         super()._allocate()
         real, samples, fluids = self.real, self.samples, len(self.body.position)
         assert samples is not None
-        offsets, carried, shares = samples.carriers
+        offsets, carried, weights = samples.carriers
         places = self._places_of_solids
         self._number_of_fluids = fluids
-        carriers = Carriers(samples.lightness.astype(real), offsets, carried, shares.astype(real))
+        carriers = Carriers(samples.lightness.astype(real), offsets, carried, weights.astype(real))
         points = SamplePoints(samples.corners.reshape(-1), samples.weights.reshape(-1).astype(real))
-        self._met = Solids(
-            fluids, kinds_of(self.scene, samples).astype(real).reshape(-1), aligned_zeros(KINDS * self._room, real),
+        self._coupling = Solids(
+            fluids, kinds_of(self.scene, samples).astype(real).reshape(-1), aligned_zeros(KINDS * self._capacity, real),
             np.zeros(samples.count, np.int32), points, SolidPoints(places.before.reshape(-1), places.position.reshape(-1)),
             carriers, np.zeros(3 * samples.count, real),
         )  # fmt: skip
         self._sums = aligned_zeros(SUMS * LANES * self._bands, real)
 
     def _stages(self) -> dict[str, StageRun]:
-        found = super()._stages()
+        stages = super()._stages()
         stage = make_solid_stages(self.real, self.options.math, self.plan.parts)
-        bands, world, met, sums = self._bands, self._world, self._met, self._sums
+        bands, world, coupling, sums = self._bands, self._world, self._coupling, self._sums
         rest, fluids = (self.parameters, self.bodies, self.kinds), self._fluids
         places, buffers, search = (
             self._places_of_solids,
             (world.in_order.position, world.work.next),
-            found["find neighbours"],
+            stages["find neighbours"],
         )
 
         def find(moment: Moment) -> None:
             search(moment)
-            stage.gather(bands, world, met)
-            stage.factors(bands, moment.number, world, met, sums, rest[0], fluids, *rest[1:])
+            stage.gather(bands, world, coupling)
+            stage.factors(bands, moment.number, world, coupling, sums, rest[0], fluids, *rest[1:])
 
         def sample(moment: Moment) -> None:
             places.take(fresh=True)
-            stage.sample(bands, world, met)
+            stage.sample(bands, world, coupling)
 
         def follow(moment: Moment) -> None:
             places.take(fresh=False)
-            stage.follow(bands, buffers[moment.iteration % 2], world, met)
+            stage.follow(bands, buffers[moment.iteration % 2], world, coupling)
 
         def density(moment: Moment) -> None:
-            stage.constrain(bands, moment.number, buffers[moment.iteration % 2], world, met, sums, *rest)
+            stage.constrain(bands, moment.number, buffers[moment.iteration % 2], world, coupling, sums, *rest)
 
         def correct(moment: Moment) -> None:
             here = moment.iteration % 2
-            given = buffers[here], buffers[1 - here], world, met, sums, rest[0], fluids, *rest[1:]
-            stage.correct(bands, moment.number, *given)
+            arguments = buffers[here], buffers[1 - here], world, coupling, sums, rest[0], fluids, *rest[1:]
+            stage.correct(bands, moment.number, *arguments)
 
         def push(moment: Moment) -> None:
-            stage.push(bands, met)
+            stage.push(bands, coupling)
             places.give()
 
-        return found | {
+        return stages | {
             "sample solids": sample,
             "find neighbours": find,
             "follow solids": follow,
@@ -126,9 +126,9 @@ class FluidAmongSolids(Fluid):
         return position[: self._number_of_fluids].copy(), velocity[: self._number_of_fluids].copy()
 
     def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
-        room, count, fluids = self._room, self._particles, self._number_of_fluids
+        capacity, count, fluids = self._capacity, self._particles, self._number_of_fluids
         for array, values in zip(self._state[:2], (position, velocity), strict=True):
-            planes = array[: 3 * room].reshape(3, room)
+            planes = array[: 3 * capacity].reshape(3, capacity)
             planes[:, :fluids], planes[:, fluids:count] = values.T, 0
         self._state.number[:count] = np.arange(count)
         self._state.fluid[:fluids] = self.scene.fluid_set.fluid

@@ -9,7 +9,7 @@ import numpy as np
 
 from softlab.cpu_backend.contact.colliders import make_collide_mass
 from softlab.cpu_backend.core.compile import Compiler
-from softlab.cpu_backend.core.own_forces import make_own_force
+from softlab.cpu_backend.core.own_forces import make_particle_force
 from softlab.cpu_backend.fluid.quads import QUAD, QUADS
 from softlab.model.fluid.parameters import F_BUOYANCY, F_SPEED, FLUID_FIELDS
 from softlab.model.formulas.fluid import cells, motion
@@ -32,7 +32,7 @@ def make_row_of(parts: frozenset[str]) -> Any:
 
 
 def make_predict(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """Make predict(band, first, last, step, substep, room, state, unsorted, boxes, parameters, fluids, integers,
+    """Make predict(band, first, last, step, substep, capacity, state, unsorted, boxes, parameters, fluids, integers,
     bodies, kinds).
 
     It predicts the positions of the particles `first` to before `last`, moves them out of the colliders of that
@@ -40,9 +40,9 @@ def make_predict(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     """
     formulas = motion.make(real, compiler.compiled)
     accelerated, speed_of, slowed, drifted = formulas.accelerated, formulas.speed_of, formulas.slowed, formulas.drifted
-    turned_round, buoyant = formulas.wrapped_offset, formulas.buoyant
+    wrapped_offset, buoyant = formulas.wrapped_offset, formulas.buoyant
     axes = 2 if "flat" in parts else AXES
-    own = make_own_force(compiler, real, axes, parts - {"load"})
+    particle_force = make_particle_force(compiler, real, axes, parts - {"load"})
     row_of = compiler.compiled(make_row_of(parts))
     has_gravity, repeats, has_bodies = "gravity" in parts, "repeats" in parts, bool(parts & set(COLLIDER_KINDS))
     touch = make_collide_mass(compiler, real, parts)
@@ -50,10 +50,10 @@ def make_predict(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
     @compiler.compiled
     def predict(
-        band, first, last, step, substep, room, state, unsorted, boxes, parameters, fluids, integers, bodies, kinds
+        band, first, last, step, substep, capacity, state, unsorted, boxes, parameters, fluids, integers, bodies, kinds
     ):  # fmt: skip
         position, velocity, number, fluid = state
-        before, place, meant = unsorted[0], unsorted[1], unsorted[2]
+        before, place, predicted_velocity = unsorted[0], unsorted[1], unsorted[2]
         lx, ly, lz, hx, hy, hz = largest, largest, largest, -largest, -largest, -largest
         h, limited = parameters.dt, 0
         for k in range(first, last):
@@ -62,30 +62,30 @@ def make_predict(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
             if has_gravity:
                 ay = buoyant(parameters.gravity, fluids[row + F_BUOYANCY])
             if axes == AXES:
-                ax, ay, az = own((ax, ay, az), np.int64(number[k]), one, parameters, integers, step)
+                ax, ay, az = particle_force((ax, ay, az), np.int64(number[k]), one, parameters, integers, step)
             else:
-                ax, ay = own((ax, ay), np.int64(number[k]), one, parameters, integers, step)
+                ax, ay = particle_force((ax, ay), np.int64(number[k]), one, parameters, integers, step)
             u = accelerated(velocity[k], h, ax)
-            v = accelerated(velocity[room + k], h, ay)
-            w = accelerated(velocity[2 * room + k], h, az)
+            v = accelerated(velocity[capacity + k], h, ay)
+            w = accelerated(velocity[2 * capacity + k], h, az)
             speed, most = speed_of(u, v, w), fluids[row + F_SPEED]
             if speed > most:
                 limited += 1
             u, v, w = slowed(u, speed, most), slowed(v, speed, most), slowed(w, speed, most)
-            ax, ay, az = position[k], position[room + k], position[2 * room + k]
+            ax, ay, az = position[k], position[capacity + k], position[2 * capacity + k]
             x, y, z = drifted(ax, u, h), drifted(ay, v, h), drifted(az, w, h)
             if repeats:
-                s = turned_round(x, parameters.low_x, parameters.high_x, parameters.side_x)
+                s = wrapped_offset(x, parameters.low_x, parameters.high_x, parameters.side_x)
                 x, ax = x + s, ax + s
-                s = turned_round(y, parameters.low_y, parameters.high_y, parameters.side_y)
+                s = wrapped_offset(y, parameters.low_y, parameters.high_y, parameters.side_y)
                 y, ay = y + s, ay + s
-                s = turned_round(z, parameters.low_z, parameters.high_z, parameters.side_z)
+                s = wrapped_offset(z, parameters.low_z, parameters.high_z, parameters.side_z)
                 z, az = z + s, az + s
             if has_bodies:
                 (x, y, z), _ = touch(bodies, kinds, substep, parameters, (ax, ay, az), (x, y, z), (u, v, w))
-            meant[k], meant[room + k], meant[2 * room + k] = u, v, w
-            before[k], before[room + k], before[2 * room + k] = ax, ay, az
-            place[k], place[room + k], place[2 * room + k] = x, y, z
+            predicted_velocity[k], predicted_velocity[capacity + k], predicted_velocity[2 * capacity + k] = u, v, w
+            before[k], before[capacity + k], before[2 * capacity + k] = ax, ay, az
+            place[k], place[capacity + k], place[2 * capacity + k] = x, y, z
             if abs(x) < largest and abs(y) < largest and abs(z) < largest:
                 lx, ly, lz, hx, hy, hz = min(lx, x), min(ly, y), min(lz, z), max(hx, x), max(hy, y), max(hz, z)
         box = BOX * np.int64(band)
@@ -146,12 +146,12 @@ def make_table(compiler: Compiler, real: Any) -> SimpleNamespace:
         return (lx, ly, lz), (ix, iy, iz), (nx, ny, nz)
 
     @compiler.compiled
-    def enter(first, last, room, place, low, inverse, counts, cell):
+    def enter(first, last, capacity, place, low, inverse, counts, cell):
         nx, ny, nz = counts
         for k in range(first, last):
             i = np.int64(cell_of(place[k], low[0], inverse[0], nx))
-            j = np.int64(cell_of(place[room + k], low[1], inverse[1], ny))
-            l = np.int64(cell_of(place[2 * room + k], low[2], inverse[2], nz))  # noqa: E741
+            j = np.int64(cell_of(place[capacity + k], low[1], inverse[1], ny))
+            l = np.int64(cell_of(place[2 * capacity + k], low[2], inverse[2], nz))  # noqa: E741
             cell[k] = np.int32((l * ny + j) * nx + i)
 
     return SimpleNamespace(span=span, enter=enter)
@@ -168,31 +168,31 @@ def make_sort(compiler: Compiler, parts: frozenset[str]) -> SimpleNamespace:
         for c in range(low, high):
             starts[c] = 0
         for k in range(count):
-            own = np.int64(cell[k])
-            if low <= own < high:
-                starts[own] += 1
+            cell_number = np.int64(cell[k])
+            if low <= cell_number < high:
+                starts[cell_number] += 1
                 inside += 1
         return inside
 
     @compiler.compiled
-    def put(low, high, first, count, room, state, unsorted, in_order, cell, starts, order):
+    def put(low, high, first, count, capacity, state, unsorted, in_order, cell, starts, order):
         """Write the particles in the order of cells; `first` is the number of particles in the cells before `low`.
 
         Afterwards starts[c] is the first particle of cell c. Returns the end of the last cell.
         """
         number = state.number
-        before, place, meant = unsorted
-        new_before, new_place, new_meant, new_number, new_fluid = in_order
+        before, place, predicted_velocity = unsorted
+        new_before, new_place, new_predicted_velocity, new_number, new_fluid = in_order
         end = np.int64(first)
         for c in range(low, high):
             inside = starts[c]
             starts[c] = np.int32(end)
             end += np.int64(inside)
         for k in range(count):
-            own = np.int64(cell[k])
-            if low <= own < high:
-                order[starts[own]] = np.int32(k)
-                starts[own] += 1
+            cell_number = np.int64(cell[k])
+            if low <= cell_number < high:
+                order[starts[cell_number]] = np.int32(k)
+                starts[cell_number] += 1
         start = np.int64(first)
         for c in range(low, high):
             last = np.int64(starts[c])
@@ -205,12 +205,12 @@ def make_sort(compiler: Compiler, parts: frozenset[str]) -> SimpleNamespace:
             starts[c] = np.int32(start)
             start = last
         for axis in range(AXES):
-            at, quad = axis * room, QUADS * room + axis
+            at, quad = axis * capacity, QUADS * capacity + axis
             for q in range(first, end):
                 old = at + np.int64(order[q])
                 new_before[at + q] = before[old]
                 new_place[at + q] = new_place[quad + QUAD * q] = place[old]
-                new_meant[at + q] = meant[old]
+                new_predicted_velocity[at + q] = predicted_velocity[old]
         for q in range(first, end):
             new_number[q] = number[order[q]]
             if several:

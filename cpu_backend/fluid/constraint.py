@@ -75,41 +75,42 @@ def _make_factors(compiler: Compiler, real: Any, parts: frozenset[str], search: 
     gradients, wall_rows = make_pairs(compiler, real, parts).gradients, make_wall_rows(compiler, real, parts)
     sides_of, instants = make_sides_of(compiler, real, parts), make_instants(compiler, real, parts)
     scratch_of, rows = make_scratch(compiler), make_rows(compiler, real, parts)
-    sums_of, numbers_of, own_of = scratch_of.sums_of, scratch_of.numbers_of, scratch_of.own
+    sums_of, numbers_of, vector_at = scratch_of.sums_of, scratch_of.numbers_of, scratch_of.vector_at
     factor_rows, relax, put = rows.factors, rows.relax, make_put(compiler)
     most, has_walls, zero = MAX_NEIGHBOURS[2 if "flat" in parts else 3], "walls" in parts, real(0)
 
     @compiler.compiled
     def factors(part, shared, number, world, parameters, fluids, bodies, kinds):
         search(part, shared, world, parameters)
-        count, room, in_order = world.sizes.particles, world.sizes.room, world.in_order
+        count, capacity, in_order = world.sizes.particles, world.sizes.room, world.in_order
         longest, entries, work = world.lists.longest, world.lists.entries, world.work
         place, fluid, delta, wall = in_order.position, in_order.fluid, work.delta, work.wall
         slices, sides, (_, end, _) = (count + LANES - 1) // LANES, sides_of(parameters), instants(number, parameters)
-        gx, gy, gz, own, total, share = sums_of(part, world.scratch.sums)
+        gx, gy, gz, squares, total, wall_part = sums_of(part, world.scratch.sums)
         for s in range(slices * part // shared, slices * (part + 1) // shared):
             base = np.int64(s) * LANES
             for lane in range(LANES):
-                gx[lane], gy[lane], gz[lane], own[lane], total[lane] = zero, zero, zero, zero, zero
+                gx[lane], gy[lane], gz[lane], squares[lane], total[lane] = zero, zero, zero, zero, zero
             gradients(
-                longest[s], base, row_at(entries, base * most), row_at(place, QUADS * room),
-                *numbers_of(part, world.scratch.sums), *own_of(place, room, base), sides, parameters.support,
-                parameters.inverse_support, parameters.gradient_scale, fluid, fluids, gx, gy, gz, own, total,
+                longest[s], base, row_at(entries, base * most), row_at(place, QUADS * capacity),
+                *numbers_of(part, world.scratch.sums), *vector_at(place, capacity, base), sides, parameters.support,
+                parameters.inverse_support, parameters.gradient_scale, fluid, fluids, gx, gy, gz, squares, total,
             )  # fmt: skip
             if has_walls:
                 wall_rows(
-                    bodies, kinds, end, parameters, *own_of(place, room, base), share, *own_of(wall, room, base)
+                    bodies, kinds, end, parameters, *vector_at(place, capacity, base), wall_part,
+                    *vector_at(wall, capacity, base)
                 )  # fmt: skip
             factor_rows(
-                parameters.relaxation, parameters.softness, row_at(fluid, base), fluids, gx, gy, gz, own,
-                *own_of(wall, room, base), row_at(work.factor, base), row_at(work.multiplier, base),
+                parameters.relaxation, parameters.softness, row_at(fluid, base), fluids, gx, gy, gz, squares,
+                *vector_at(wall, capacity, base), row_at(work.factor, base), row_at(work.multiplier, base),
             )  # fmt: skip
             if constrains:
                 relax(
-                    parameters.lattice_sum, parameters.density_scale, total, share, row_at(work.factor, base),
+                    parameters.lattice_sum, parameters.density_scale, total, wall_part, row_at(work.factor, base),
                     row_at(work.multiplier, base), row_at(delta, base), row_at(work.error, base),
                 )  # fmt: skip
-                put(row_at(place, QUADS * room + QUAD * base), row_at(delta, base))
+                put(row_at(place, QUADS * capacity + QUAD * base), row_at(delta, base))
 
     return factors
 
@@ -140,34 +141,35 @@ def _make_constrain(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any
     densities, wall_rows = make_pairs(compiler, real, parts).densities, make_wall_rows(compiler, real, parts)
     sides_of, instants = make_sides_of(compiler, real, parts), make_instants(compiler, real, parts)
     scratch_of, relax = make_scratch(compiler), make_rows(compiler, real, parts).relax
-    sums_of, numbers_of, own_of = scratch_of.sums_of, scratch_of.numbers_of, scratch_of.own
+    sums_of, numbers_of, vector_at = scratch_of.sums_of, scratch_of.numbers_of, scratch_of.vector_at
     most, has_walls, zero = MAX_NEIGHBOURS[2 if "flat" in parts else 3], "walls" in parts, real(0)
     put = make_put(compiler)
 
     @compiler.compiled
     def constrain(part, shared, number, place, world, parameters, bodies, kinds):
         """Evaluate the constraints at the positions `place`, and the changes of their multipliers."""
-        count, room, lists, work = world.sizes.particles, world.sizes.room, world.lists, world.work
+        count, capacity, lists, work = world.sizes.particles, world.sizes.room, world.lists, world.work
         scratch = world.scratch.sums
         slices, sides, (_, end, _) = (count + LANES - 1) // LANES, sides_of(parameters), instants(number, parameters)
-        total, _, _, _, _, share = sums_of(part, scratch)
+        total, _, _, _, _, wall_part = sums_of(part, scratch)
         for s in range(slices * part // shared, slices * (part + 1) // shared):
             base = np.int64(s) * LANES
             for lane in range(LANES):
                 total[lane] = zero
             densities(
-                lists.longest[s], row_at(lists.entries, base * most), row_at(place, QUADS * room),
-                *numbers_of(part, scratch), *own_of(place, room, base), sides, parameters.inverse_support, total,
+                lists.longest[s], row_at(lists.entries, base * most), row_at(place, QUADS * capacity),
+                *numbers_of(part, scratch), *vector_at(place, capacity, base), sides, parameters.inverse_support, total,
             )  # fmt: skip
             if has_walls:
                 wall_rows(
-                    bodies, kinds, end, parameters, *own_of(place, room, base), share, *own_of(work.wall, room, base)
+                    bodies, kinds, end, parameters, *vector_at(place, capacity, base), wall_part,
+                    *vector_at(work.wall, capacity, base)
                 )  # fmt: skip
             relax(
-                parameters.lattice_sum, parameters.density_scale, total, share, row_at(work.factor, base),
+                parameters.lattice_sum, parameters.density_scale, total, wall_part, row_at(work.factor, base),
                 row_at(work.multiplier, base), row_at(work.delta, base), row_at(work.error, base),
             )  # fmt: skip
-            put(row_at(place, QUADS * room + QUAD * base), row_at(work.delta, base))
+            put(row_at(place, QUADS * capacity + QUAD * base), row_at(work.delta, base))
 
     return constrain
 
@@ -175,14 +177,14 @@ def _make_constrain(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any
 def _make_correct(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     corrections, sides_of = make_pairs(compiler, real, parts).corrections, make_sides_of(compiler, real, parts)
     collide, scratch_of = make_collide_row(compiler, real, parts), make_scratch(compiler)
-    sums_of, numbers_of, own_of = scratch_of.sums_of, scratch_of.numbers_of, scratch_of.own
+    sums_of, numbers_of, vector_at = scratch_of.sums_of, scratch_of.numbers_of, scratch_of.vector_at
     move, most = make_rows(compiler, real, parts).move, MAX_NEIGHBOURS[2 if "flat" in parts else 3]
     has_bodies, zero, blocks = bool(parts & set(COLLIDER_KINDS)), real(0), LANES // block_of(real)
 
     @compiler.compiled
     def correct(part, shared, number, place, there, world, parameters, fluids, bodies, kinds):
         """Correct the positions `place` and store them in `there`."""
-        room, in_order, delta, lists = world.sizes.room, world.in_order, world.work.delta, world.lists
+        capacity, in_order, delta, lists = world.sizes.room, world.in_order, world.work.delta, world.lists
         scratch = world.scratch.sums
         longest, entries, before, fluid = lists.longest, lists.entries, in_order.before, in_order.fluid
         slices, sides = (world.sizes.particles + LANES - 1) // LANES, sides_of(parameters)
@@ -193,20 +195,20 @@ def _make_correct(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
             for lane in range(LANES):
                 ax[lane], ay[lane], az[lane] = zero, zero, zero
             corrections(
-                longest[s], base, row_at(entries, base * most), row_at(place, QUADS * room), *numbers_of(part, scratch),
-                *own_of(place, room, base), row_at(delta, base), sides, parameters.support, parameters.inverse_support,
+                longest[s], base, row_at(entries, base * most), row_at(place, QUADS * capacity), *numbers_of(part, scratch),
+                *vector_at(place, capacity, base), row_at(delta, base), sides, parameters.support, parameters.inverse_support,
                 parameters.gradient_scale, parameters.tensile, parameters.inverse_tensile, ax, ay, az,
             )  # fmt: skip
             move(
-                row_at(fluid, base), fluids, row_at(delta, base), *own_of(world.work.wall, room, base),
-                *own_of(place, room, base), *sums,
+                row_at(fluid, base), fluids, row_at(delta, base), *vector_at(world.work.wall, capacity, base),
+                *vector_at(place, capacity, base), *sums,
             )  # fmt: skip
             if has_bodies:
-                collide(bodies, kinds, number, parameters, blocks, before, base, room, ax, np.int64(0), LANES)
-            quads = row_at(there, QUADS * room + QUAD * base)
+                collide(bodies, kinds, number, parameters, blocks, before, base, capacity, ax, np.int64(0), LANES)
+            quads = row_at(there, QUADS * capacity + QUAD * base)
             for lane in range(LANES):
-                there[base + lane], there[room + base + lane] = ax[lane], ay[lane]
-                there[2 * room + base + lane] = az[lane]
+                there[base + lane], there[capacity + base + lane] = ax[lane], ay[lane]
+                there[2 * capacity + base + lane] = az[lane]
                 quads[QUAD * lane], quads[QUAD * lane + 1], quads[QUAD * lane + 2] = ax[lane], ay[lane], az[lane]
 
     return correct

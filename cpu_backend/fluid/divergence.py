@@ -30,7 +30,7 @@ from softlab.model.tables.cloth import COLLIDER_KINDS
 
 
 def make_approach(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: Any) -> SimpleNamespace:
-    """Make `approach(s, many, world, parameters, vector, total)` and `rest_of(i, room, wall, vector, total)`."""
+    """Make `approach(s, many, world, parameters, vector, total)` and `rest_of(i, capacity, wall, vector, total)`."""
     compiled, approaches = compiler.compiled, make_approaches(compiler, real, parts)
     of_wall = divergence.make(real, compiled).approach_of_wall
     most, has_walls, zero = MAX_NEIGHBOURS[2 if "flat" in parts else 3], "walls" in parts, real(0)
@@ -38,24 +38,30 @@ def make_approach(compiler: Compiler, real: Any, parts: frozenset[str], sides_of
     @compiled
     def approach(s, many, world, parameters, vector, total):
         """Sum over the neighbours of slice s what a vector field contributes to the rate of C, into `total`."""
-        room, lists = world.sizes.room, world.lists
+        capacity, lists = world.sizes.room, world.lists
         base, place = np.int64(s) * LANES, world.in_order.position
         for lane in range(LANES):
             total[lane] = zero
         approaches(
-            many, base, row_at(lists.entries, base * most), place, row_at(place, room), row_at(place, 2 * room), vector,
-            row_at(vector, room), row_at(vector, 2 * room), row_at(place, base), row_at(place, room + base),
-            row_at(place, 2 * room + base), row_at(vector, base), row_at(vector, room + base),
-            row_at(vector, 2 * room + base), sides_of(parameters), parameters.support, parameters.inverse_support,
-            parameters.gradient_scale, total,
+            many, base, row_at(lists.entries, base * most), place, row_at(place, capacity), row_at(place, 2 * capacity),
+            vector, row_at(vector, capacity), row_at(vector, 2 * capacity), row_at(place, base),
+            row_at(place, capacity + base), row_at(place, 2 * capacity + base), row_at(vector, base),
+            row_at(vector, capacity + base), row_at(vector, 2 * capacity + base), sides_of(parameters),
+            parameters.support, parameters.inverse_support, parameters.gradient_scale, total,
         )  # fmt: skip
 
     @compiled
-    def rest_of(i, room, wall, vector, total):
+    def rest_of(i, capacity, wall, vector, total):
         """Return the sum of particle i including the contribution of walls."""
         if has_walls:
             return of_wall(
-                total, wall[i], wall[room + i], wall[2 * room + i], vector[i], vector[room + i], vector[2 * room + i]
+                total,
+                wall[i],
+                wall[capacity + i],
+                wall[2 * capacity + i],
+                vector[i],
+                vector[capacity + i],
+                vector[2 * capacity + i],
             )
         return total
 
@@ -73,7 +79,7 @@ def make_solve(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: A
     compressed, foreseen, pressed, lead, led = g.compressed, g.foreseen, g.pressed, g.lead, g.led
     most = MAX_NEIGHBOURS[2 if "flat" in parts else 3]
     densities, scratch_of = make_pairs(compiler, real, parts).densities, make_scratch(compiler)
-    sums_of, numbers_of, own_of = scratch_of.sums_of, scratch_of.numbers_of, scratch_of.own
+    sums_of, numbers_of, vector_at = scratch_of.sums_of, scratch_of.numbers_of, scratch_of.vector_at
     wall_rows, instants = make_wall_rows(compiler, real, parts), make_instants(compiler, real, parts)
     has_walls, moving = "walls" in parts, "moving" in parts
     zero = real(0)
@@ -81,60 +87,66 @@ def make_solve(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: A
     @compiled
     def survey(part, shared, number, world, parameters, bodies, kinds):
         """Evaluate the constraints and the target of the first solve."""
-        count, room, unsorted = world.sizes.particles, world.sizes.room, world.unsorted
+        count, capacity, unsorted = world.sizes.particles, world.sizes.room, world.unsorted
         in_order, error, wall, lists = world.in_order, world.work.error, world.work.wall, world.lists
         scratch = world.scratch.sums
-        place, velocity, target = in_order.position, in_order.velocity, row_at(unsorted.velocity, 2 * np.int64(room))
+        place, velocity, target = (
+            in_order.position,
+            in_order.velocity,
+            row_at(unsorted.velocity, 2 * np.int64(capacity)),
+        )
         longest, slices = lists.longest, (count + LANES - 1) // LANES
         begin, end, _ = instants(number, parameters)
-        total, coming, share, earlier, wx, wy = sums_of(part, scratch)
+        total, coming, wall_part, earlier, wx, wy = sums_of(part, scratch)
         for s in range(slices * part // shared, slices * (part + 1) // shared):
             base = np.int64(s) * LANES
             for lane in range(LANES):
                 total[lane] = zero
             densities(
-                longest[s], row_at(lists.entries, base * most), row_at(place, QUADS * room), *numbers_of(part, scratch),
-                *own_of(place, room, base), sides_of(parameters), parameters.inverse_support, total,
+                longest[s], row_at(lists.entries, base * most), row_at(place, QUADS * capacity), *numbers_of(part, scratch),
+                *vector_at(place, capacity, base), sides_of(parameters), parameters.inverse_support, total,
             )  # fmt: skip
             approach(s, longest[s], world, parameters, velocity, coming)
             for lane in range(LANES):
-                share[lane], earlier[lane] = zero, zero
+                wall_part[lane], earlier[lane] = zero, zero
             if has_walls:
-                own, (_, _, wz, _) = own_of(place, room, base), numbers_of(part, scratch)
-                wall_rows(bodies, kinds, end, parameters, *own, share, *own_of(wall, room, base))
+                position_rows, (_, _, wz, _) = vector_at(place, capacity, base), numbers_of(part, scratch)
+                wall_rows(bodies, kinds, end, parameters, *position_rows, wall_part, *vector_at(wall, capacity, base))
                 if moving:
-                    wall_rows(bodies, kinds, begin, parameters, *own, earlier, wx, wy, wz)
+                    wall_rows(bodies, kinds, begin, parameters, *position_rows, earlier, wx, wy, wz)
             for lane in range(min(LANES, count - base)):
                 i, came = base + lane, zero
                 if moving:
-                    came = share[lane] - earlier[lane]
-                error[i] = constraint(total[lane], parameters.lattice_sum, parameters.density_scale, share[lane])
-                a = rest_of(i, room, wall, velocity, coming[lane])
+                    came = wall_part[lane] - earlier[lane]
+                error[i] = constraint(total[lane], parameters.lattice_sum, parameters.density_scale, wall_part[lane])
+                a = rest_of(i, capacity, wall, velocity, coming[lane])
                 target[i] = compressed(error[i], a, parameters.dt, came)
 
     @compiled
     def foresee(part, shared, world, parameters):
         """Evaluate the target of the second solve."""
-        count, room, unsorted, wall = world.sizes.particles, world.sizes.room, world.unsorted, world.work.wall
-        velocity, target = world.state.velocity, row_at(unsorted.velocity, 2 * np.int64(room))
+        count, capacity, unsorted, wall = world.sizes.particles, world.sizes.room, world.unsorted, world.work.wall
+        velocity, target = world.state.velocity, row_at(unsorted.velocity, 2 * np.int64(capacity))
         (coming, _, _, _, _, _), slices = sums_of(part, world.scratch.sums), (count + LANES - 1) // LANES
         for s in range(slices * part // shared, slices * (part + 1) // shared):
             approach(s, world.lists.longest[s], world, parameters, velocity, coming)
             for lane in range(min(LANES, count - np.int64(s) * LANES)):
                 i = np.int64(s) * LANES + lane
-                target[i] = foreseen(world.work.error[i], rest_of(i, room, wall, velocity, coming[lane]), parameters.dt)
+                target[i] = foreseen(
+                    world.work.error[i], rest_of(i, capacity, wall, velocity, coming[lane]), parameters.dt
+                )
 
     @compiled
     def relax(part, shared, turn, iterations, second, world, parameters):
         """Evaluate the changes of the multipliers, and the new multipliers."""
-        count, room, unsorted = world.sizes.particles, world.sizes.room, world.unsorted
+        count, capacity, unsorted = world.sizes.particles, world.sizes.room, world.unsorted
         in_order, delta = world.in_order, world.work.delta
         shift, iterate = in_order.before, row_at(unsorted.velocity, np.int64(0))
-        ahead, target = row_at(unsorted.velocity, np.int64(room)), row_at(unsorted.velocity, 2 * np.int64(room))
+        ahead, target = row_at(unsorted.velocity, np.int64(capacity)), row_at(unsorted.velocity, 2 * np.int64(capacity))
         if not second:
             ahead = row_at(world.work.multiplier, np.int64(0))
         (coming, _, _, _, _, _), slices = sums_of(part, world.scratch.sums), (count + LANES - 1) // LANES
-        quads = row_at(in_order.position, QUADS * np.int64(room))
+        quads = row_at(in_order.position, QUADS * np.int64(capacity))
         onward = lead(turn, iterations)
         for s in range(slices * part // shared, slices * (part + 1) // shared):
             if turn > 0:
@@ -144,10 +156,10 @@ def make_solve(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: A
                 c, before, last = target[i], zero, zero
                 if turn > 0:
                     before, last = ahead[i], iterate[i]
-                    c = c + rest_of(i, room, world.work.wall, shift, coming[lane])
-                found = pressed(before, world.work.factor[i], c)
-                ahead[i] = led(found, last, onward)
-                delta[i], iterate[i] = ahead[i] - before, found
+                    c = c + rest_of(i, capacity, world.work.wall, shift, coming[lane])
+                relaxed = pressed(before, world.work.factor[i], c)
+                ahead[i] = led(relaxed, last, onward)
+                delta[i], iterate[i] = ahead[i] - before, relaxed
                 quads[QUAD * i + 3] = delta[i]
 
     return SimpleNamespace(survey=survey, foresee=foresee, relax=relax)
@@ -157,14 +169,14 @@ def make_push(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: An
     """Make `push(part, parts, turn, world, parameters, fluids)`: the phase of an iteration after `relax`."""
     compiled, f, scratch_of = compiler.compiled, density.make(real, compiler.compiled), make_scratch(compiler)
     wall_added, moved, corrections = f.wall_added, f.moved, make_pairs(compiler, real, parts).corrections
-    sums_of, numbers_of, own_of = scratch_of.sums_of, scratch_of.numbers_of, scratch_of.own
+    sums_of, numbers_of, vector_at = scratch_of.sums_of, scratch_of.numbers_of, scratch_of.vector_at
     most, has_walls = MAX_NEIGHBOURS[2 if "flat" in parts else 3], "walls" in parts
     row_of, zero = compiled(make_row_of(parts)), real(0)
 
     @compiled
     def push(part, shared, turn, world, parameters, fluids):
         """Add the effect of the changed multipliers to the shifts."""
-        count, room, in_order, delta = world.sizes.particles, world.sizes.room, world.in_order, world.work.delta
+        count, capacity, in_order, delta = world.sizes.particles, world.sizes.room, world.in_order, world.work.delta
         wall, lists, scratch = world.work.wall, world.lists, world.scratch.sums
         shift, place, fluid = in_order.before, in_order.position, in_order.fluid
         (ax, ay, az, _, _, _), slices = sums_of(part, scratch), (count + LANES - 1) // LANES
@@ -173,8 +185,8 @@ def make_push(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: An
             for lane in range(LANES):
                 ax[lane], ay[lane], az[lane] = zero, zero, zero
             corrections(
-                lists.longest[s], base, row_at(lists.entries, base * most), row_at(place, QUADS * room),
-                *numbers_of(part, scratch), *own_of(place, room, base), row_at(delta, base), sides_of(parameters),
+                lists.longest[s], base, row_at(lists.entries, base * most), row_at(place, QUADS * capacity),
+                *numbers_of(part, scratch), *vector_at(place, capacity, base), row_at(delta, base), sides_of(parameters),
                 parameters.support, parameters.inverse_support, parameters.gradient_scale, parameters.tensile,
                 parameters.inverse_tensile, ax, ay, az,
             )  # fmt: skip
@@ -182,13 +194,13 @@ def make_push(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: An
                 i = base + lane
                 x, y, z, weight = ax[lane], ay[lane], az[lane], fluids[row_of(fluid, i) + F_WEIGHT]
                 if has_walls:
-                    x, y = wall_added(x, delta[i], wall[i]), wall_added(y, delta[i], wall[room + i])
-                    z = wall_added(z, delta[i], wall[2 * room + i])
+                    x, y = wall_added(x, delta[i], wall[i]), wall_added(y, delta[i], wall[capacity + i])
+                    z = wall_added(z, delta[i], wall[2 * capacity + i])
                 ex, ey, ez = zero, zero, zero
                 if turn > 0:
-                    ex, ey, ez = shift[i], shift[room + i], shift[2 * room + i]
-                shift[i], shift[room + i] = moved(ex, weight, x), moved(ey, weight, y)
-                shift[2 * room + i] = moved(ez, weight, z)
+                    ex, ey, ez = shift[i], shift[capacity + i], shift[2 * capacity + i]
+                shift[i], shift[capacity + i] = moved(ex, weight, x), moved(ey, weight, y)
+                shift[2 * capacity + i] = moved(ez, weight, z)
 
     return SimpleNamespace(push=push)
 
@@ -197,44 +209,48 @@ def make_take_up(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
     """Make `take_up` and `move`, the phases after a solve, one particle at a time."""
     compiled, m = compiler.compiled, motion.make(real, compiler.compiled)
     gained = divergence.make(real, compiled).gained
-    speed_of, held_back, slowed, drifted = m.speed_of, m.limited_change, m.slowed, m.drifted
+    speed_of, limited_change, slowed, drifted = m.speed_of, m.limited_change, m.slowed, m.drifted
     touch, row_of = make_collide_mass(compiler, real, parts), compiled(make_row_of(parts))
     settled = make_impact(compiler, real, parts).settled
-    is_held, has_bodies, several = "held-back" in parts, bool(parts & set(COLLIDER_KINDS)), "fluids" in parts
+    is_limited, has_bodies, several = "held-back" in parts, bool(parts & set(COLLIDER_KINDS)), "fluids" in parts
 
     @compiled
-    def given(i, room, velocity, shift, parameters, most):
+    def corrected_velocity(i, capacity, velocity, shift, parameters, most):
         """Return the velocity of particle i after a solve."""
-        rate, u, v, w = parameters.inverse_dt, velocity[i], velocity[room + i], velocity[2 * room + i]
-        a, b, c = gained(u, shift[i], rate), gained(v, shift[room + i], rate), gained(w, shift[2 * room + i], rate)
-        if is_held:
+        rate, u, v, w = parameters.inverse_dt, velocity[i], velocity[capacity + i], velocity[2 * capacity + i]
+        a, b, c = (
+            gained(u, shift[i], rate),
+            gained(v, shift[capacity + i], rate),
+            gained(w, shift[2 * capacity + i], rate),
+        )
+        if is_limited:
             far = speed_of(a - u, b - v, c - w)
-            return held_back(a, u, far, most), held_back(b, v, far, most), held_back(c, w, far, most)
+            return limited_change(a, u, far, most), limited_change(b, v, far, most), limited_change(c, w, far, most)
         return a, b, c
 
     @compiled
     def take_up(part, shared, world, parameters, fluids):
         """Update the velocities after the first solve."""
-        count, room, in_order = world.sizes.particles, world.sizes.room, world.in_order
+        count, capacity, in_order = world.sizes.particles, world.sizes.room, world.in_order
         shift, velocity, fluid = in_order.before, in_order.velocity, in_order.fluid
         for i in range(count * part // shared, count * (part + 1) // shared):
-            u, v, w = given(i, room, velocity, shift, parameters, fluids[row_of(fluid, i) + F_CHANGE])
-            velocity[i], velocity[room + i], velocity[2 * room + i] = u, v, w
+            u, v, w = corrected_velocity(i, capacity, velocity, shift, parameters, fluids[row_of(fluid, i) + F_CHANGE])
+            velocity[i], velocity[capacity + i], velocity[2 * capacity + i] = u, v, w
 
     @compiled
     def move(part, shared, number, world, parameters, fluids, bodies, kinds):
         """Write the new state and the sum of the multipliers of both solves."""
-        count, room, in_order = world.sizes.particles, world.sizes.room, world.in_order
+        count, capacity, in_order = world.sizes.particles, world.sizes.room, world.in_order
         position, velocity, numbers, fluid = world.state
         shift, place, multiplier = in_order.before, in_order.position, world.work.multiplier
-        second = row_at(world.unsorted.velocity, np.int64(room))
+        second = row_at(world.unsorted.velocity, np.int64(capacity))
         for i in range(count * part // shared, count * (part + 1) // shared):
             row = row_of(in_order.fluid, i)
-            mx, my, mz = velocity[i], velocity[room + i], velocity[2 * room + i]
-            u, v, w = given(i, room, velocity, shift, parameters, fluids[row + F_CHANGE])
+            mx, my, mz = velocity[i], velocity[capacity + i], velocity[2 * capacity + i]
+            u, v, w = corrected_velocity(i, capacity, velocity, shift, parameters, fluids[row + F_CHANGE])
             speed, fastest, h = speed_of(u, v, w), fluids[row + F_SPEED], parameters.dt
             u, v, w = slowed(u, speed, fastest), slowed(v, speed, fastest), slowed(w, speed, fastest)
-            bx, by, bz = place[i], place[room + i], place[2 * room + i]
+            bx, by, bz = place[i], place[capacity + i], place[2 * capacity + i]
             x, y, z = drifted(bx, u, h), drifted(by, v, h), drifted(bz, w, h)
             if has_bodies:
                 u, v, w = settled(
@@ -243,8 +259,8 @@ def make_take_up(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
                 (x, y, z), (u, v, w) = touch(bodies, kinds, number, parameters, (bx, by, bz), (x, y, z), (u, v, w))
                 speed = speed_of(u, v, w)
                 u, v, w = slowed(u, speed, fastest), slowed(v, speed, fastest), slowed(w, speed, fastest)
-            position[i], position[room + i], position[2 * room + i] = x, y, z
-            velocity[i], velocity[room + i], velocity[2 * room + i] = u, v, w
+            position[i], position[capacity + i], position[2 * capacity + i] = x, y, z
+            velocity[i], velocity[capacity + i], velocity[2 * capacity + i] = u, v, w
             multiplier[i] = multiplier[i] + second[i]
             numbers[i] = in_order.number[i]
             if several:

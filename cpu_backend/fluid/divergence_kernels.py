@@ -9,7 +9,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from softlab.cpu_backend.core.compile import Compiler
-from softlab.cpu_backend.core.progress import shares
+from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.fluid.constraint import make_search_phases, make_sides_of
 from softlab.cpu_backend.fluid.divergence import make_push, make_solve, make_take_up
 from softlab.cpu_backend.fluid.divergence_pairs import make_accelerate, make_gather
@@ -24,12 +24,12 @@ from softlab.model.fluid.plan import SHAPES
 def _phases(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
     order = make_order(compiler, real, parts)
     sides_of, searches = make_sides_of(compiler, real, parts), make_search_phases(compiler, real, parts, order.cells_in)
-    found = vars(order) | vars(make_solve(compiler, real, parts, sides_of))
-    found |= vars(make_push(compiler, real, parts, sides_of))
-    found |= vars(make_take_up(compiler, real, parts))
-    found |= vars(make_accelerate(compiler, real, parts, sides_of))
+    phases = vars(order) | vars(make_solve(compiler, real, parts, sides_of))
+    phases |= vars(make_push(compiler, real, parts, sides_of))
+    phases |= vars(make_take_up(compiler, real, parts))
+    phases |= vars(make_accelerate(compiler, real, parts, sides_of))
     shape = make_velocities(compiler, real, parts, sides_of).shape
-    return SimpleNamespace(**found, find=searches.find, shape=shape, gather=make_gather(compiler, real, parts))
+    return SimpleNamespace(**phases, find=searches.find, shape=shape, gather=make_gather(compiler, real, parts))
 
 
 @cache
@@ -50,35 +50,35 @@ def make_advance_freely(real: Any, math: str, parts: frozenset[str]) -> Any:
     ):  # fmt: skip
         for turn in range(steps * substeps):
             number, frame = step * substeps + turn, step + turn // substeps
-            for part in shares(team, member, bands):
+            for part in assigned(team, member, bands):
                 gather(part, bands, world, parameters)
-            for part in shares(team, member, bands):
+            for part in assigned(team, member, bands):
                 enter(part, bands, world, parameters)
-            for part in shares(team, member, bands):
+            for part in assigned(team, member, bands):
                 tally(part, bands, world, parameters)
-            for part in shares(team, member, bands):
+            for part in assigned(team, member, bands):
                 put(part, bands, world, parameters)
-            for part in shares(team, member, bands):
+            for part in assigned(team, member, bands):
                 find(part, bands, number, world, parameters, fluids, bodies, kinds)
                 survey(part, bands, number, world, parameters, bodies, kinds)
             for second in range(2):
                 if second > 0:
                     if has_shape:
-                        for part in shares(team, member, bands):
+                        for part in assigned(team, member, bands):
                             shape(part, bands, world.in_order.position, world, parameters)
-                    for part in shares(team, member, bands):
+                    for part in assigned(team, member, bands):
                         accelerate(part, bands, frame, world, parameters, fluids, integers)
-                    for part in shares(team, member, bands):
+                    for part in assigned(team, member, bands):
                         foresee(part, bands, world, parameters)
                 for k in range(iterations):
-                    for part in shares(team, member, bands):
+                    for part in assigned(team, member, bands):
                         relax(part, bands, k, iterations, second > 0, world, parameters)
-                    for part in shares(team, member, bands):
+                    for part in assigned(team, member, bands):
                         push(part, bands, k, world, parameters, fluids)
                 if second == 0:
-                    for part in shares(team, member, bands):
+                    for part in assigned(team, member, bands):
                         take_up(part, bands, world, parameters, fluids)
-            for part in shares(team, member, bands):
+            for part in assigned(team, member, bands):
                 move(part, bands, number, world, parameters, fluids, bodies, kinds)
 
     return compiler.team(advance)

@@ -10,7 +10,7 @@ import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
-from softlab.cpu_backend.core.own_forces import make_own_force
+from softlab.cpu_backend.core.own_forces import make_particle_force
 from softlab.cpu_backend.fluid.cells import AXES, BOX, LARGEST, make_row_of
 from softlab.cpu_backend.fluid.lists import make_wrap
 from softlab.cpu_backend.fluid.quads import LANES
@@ -21,7 +21,7 @@ from softlab.model.formulas.fluid import density, divergence, motion
 
 
 def make_approaches(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """Make approaches(many, first, entries, x, y, z, u, v, w, own_x, ..., own_w, sides, support, inverse, scale,
+    """Make approaches(many, first, entries, x, y, z, u, v, w, centre_x, ..., centre_w, sides, support, inverse, scale,
     total).
 
     It adds to `total` what a vector (u, v, w) of each particle contributes to the constraints. The arguments are those
@@ -33,17 +33,17 @@ def make_approaches(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any
 
     @compiler.row
     def approaches(
-        many, first, entries, x, y, z, u, v, w, own_x, own_y, own_z, own_u, own_v, own_w, sides, support, inverse, scale,
-        total,
+        many, first, entries, x, y, z, u, v, w, centre_x, centre_y, centre_z, centre_u, centre_v, centre_w, sides,
+        support, inverse, scale, total,
     ):  # fmt: skip
         for k in range(many):
             for lane in range(LANES):
                 j = entries[k * LANES + lane]
-                dx, dy, dz = wrap(own_x[lane] - x[j], own_y[lane] - y[j], own_z[lane] - z[j], sides)
+                dx, dy, dz = wrap(centre_x[lane] - x[j], centre_y[lane] - y[j], centre_z[lane] - z[j], sides)
                 dy = apart(dy, squared(dx, dy, dz), support, first + lane < j)
                 s = slope(squared(dx, dy, dz), inverse, scale)
                 total[lane] = approach_added(
-                    total[lane], s, dx, dy, dz, own_u[lane] - u[j], own_v[lane] - v[j], own_w[lane] - w[j]
+                    total[lane], s, dx, dy, dz, centre_u[lane] - u[j], centre_v[lane] - v[j], centre_w[lane] - w[j]
                 )
 
     return approaches
@@ -52,23 +52,23 @@ def make_approaches(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any
 def make_gather(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     """Make gather(part, parts, world, parameters): it copies the state, wrapped into the periodic box, and writes the
     bounding box of the band."""
-    turned_round, compiled = motion.make(real, compiler.compiled).wrapped_offset, compiler.compiled
+    wrapped_offset, compiled = motion.make(real, compiler.compiled).wrapped_offset, compiler.compiled
     repeats, largest = "repeats" in parts, real(LARGEST)
 
     @compiled
     def gather(part, shared, world, parameters):
-        count, room, position = world.sizes.particles, world.sizes.room, world.state.position
-        place, meant = world.unsorted.position, world.unsorted.velocity
+        count, capacity, position = world.sizes.particles, world.sizes.room, world.state.position
+        place, predicted_velocity = world.unsorted.position, world.unsorted.velocity
         lx, ly, lz, hx, hy, hz = largest, largest, largest, -largest, -largest, -largest
         for k in range(count * part // shared, count * (part + 1) // shared):
-            x, y, z = position[k], position[room + k], position[2 * room + k]
+            x, y, z = position[k], position[capacity + k], position[2 * capacity + k]
             if repeats:
-                x = x + turned_round(x, parameters.low_x, parameters.high_x, parameters.side_x)
-                y = y + turned_round(y, parameters.low_y, parameters.high_y, parameters.side_y)
-                z = z + turned_round(z, parameters.low_z, parameters.high_z, parameters.side_z)
-            place[k], place[room + k], place[2 * room + k] = x, y, z
+                x = x + wrapped_offset(x, parameters.low_x, parameters.high_x, parameters.side_x)
+                y = y + wrapped_offset(y, parameters.low_y, parameters.high_y, parameters.side_y)
+                z = z + wrapped_offset(z, parameters.low_z, parameters.high_z, parameters.side_z)
+            place[k], place[capacity + k], place[2 * capacity + k] = x, y, z
             for axis in range(AXES):
-                meant[axis * room + k] = world.state.velocity[axis * room + k]
+                predicted_velocity[axis * capacity + k] = world.state.velocity[axis * capacity + k]
             if abs(x) < largest and abs(y) < largest and abs(z) < largest:
                 lx, ly, lz, hx, hy, hz = min(lx, x), min(ly, y), min(lz, z), max(hx, x), max(hy, y), max(hz, z)
         box, boxes = BOX * np.int64(part), world.table.boxes
@@ -84,7 +84,7 @@ def make_accelerate(compiler: Compiler, real: Any, parts: frozenset[str], sides_
     accelerated, buoyant, braked, speed_of, slowed = m.accelerated, m.buoyant, m.braked, m.speed_of, m.slowed
     smooth_of = make_smoothing(compiler, real, parts).smooth
     most, axes = MAX_NEIGHBOURS[2 if "flat" in parts else 3], 2 if "flat" in parts else AXES
-    own_force, row_of = make_own_force(compiler, real, axes, parts - {"load"}), compiled(make_row_of(parts))
+    particle_force, row_of = make_particle_force(compiler, real, axes, parts - {"load"}), compiled(make_row_of(parts))
     smooths, has_drag, has_gravity = bool(parts & SMOOTHING), "drag" in parts, "gravity" in parts
     zero, one = real(0), real(1)
 
@@ -95,27 +95,32 @@ def make_accelerate(compiler: Compiler, real: Any, parts: frozenset[str], sides_
         if has_gravity:
             ay = buoyant(parameters.gravity, fluids[row + F_BUOYANCY])
         if axes == AXES:
-            return own_force((ax, ay, az), np.int64(number), one, parameters, integers, step)
-        ax, ay = own_force((ax, ay), np.int64(number), one, parameters, integers, step)
+            return particle_force((ax, ay, az), np.int64(number), one, parameters, integers, step)
+        ax, ay = particle_force((ax, ay), np.int64(number), one, parameters, integers, step)
         return ax, ay, az
 
     @compiled
     def accelerate(part, shared, step, world, parameters, fluids, integers):
         """Apply neighbours, drag and forces to the velocities, and write them into the state."""
-        count, room, unsorted = world.sizes.particles, world.sizes.room, world.unsorted
+        count, capacity, unsorted = world.sizes.particles, world.sizes.room, world.unsorted
         in_order, work, neighbours = world.in_order, world.work, world.lists.neighbours
-        place, meant, velocity, error = in_order.position, in_order.velocity, world.state.velocity, work.error
+        place, predicted_velocity, velocity, error = (
+            in_order.position,
+            in_order.velocity,
+            world.state.velocity,
+            work.error,
+        )
         h, sides = parameters.dt, sides_of(parameters)
         for i in range(count * part // shared, count * (part + 1) // shared):
             row = row_of(in_order.fluid, i)
             if smooths:
-                own = row_at(world.lists.entries, np.int64(i // LANES) * (LANES * most) + i % LANES)
+                entry_row = row_at(world.lists.entries, np.int64(i // LANES) * (LANES * most) + i % LANES)
                 u, v, w = smooth_of(
-                    i, neighbours[i], own, room, place, meant, unsorted.before, unsorted.position, sides, parameters,
-                    in_order.fluid, fluids,
+                    i, neighbours[i], entry_row, capacity, place, predicted_velocity, unsorted.before,
+                    unsorted.position, sides, parameters, in_order.fluid, fluids,
                 )  # fmt: skip
             else:
-                u, v, w = meant[i], meant[room + i], meant[2 * room + i]
+                u, v, w = predicted_velocity[i], predicted_velocity[capacity + i], predicted_velocity[2 * capacity + i]
             if has_drag:
                 drag, surface = fluids[row + F_DRAG], fluids[row + F_SURFACE_DRAG]
                 u, v = braked(u, h, drag, surface, error[i]), braked(v, h, drag, surface, error[i])
@@ -125,7 +130,7 @@ def make_accelerate(compiler: Compiler, real: Any, parts: frozenset[str], sides_
             speed, fastest = speed_of(u, v, w), fluids[row + F_SPEED]
             if speed > fastest:
                 world.lists.counts[shared + part] += 1
-            velocity[i], velocity[room + i] = slowed(u, speed, fastest), slowed(v, speed, fastest)
-            velocity[2 * room + i] = slowed(w, speed, fastest)
+            velocity[i], velocity[capacity + i] = slowed(u, speed, fastest), slowed(v, speed, fastest)
+            velocity[2 * capacity + i] = slowed(w, speed, fastest)
 
     return SimpleNamespace(accelerate=accelerate)

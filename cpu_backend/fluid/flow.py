@@ -12,7 +12,7 @@ import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
-from softlab.cpu_backend.core.progress import shares
+from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.fluid.arrays import Fluid, Sizes
 from softlab.model.fluid.flow import (
     E_BEFORE,
@@ -70,19 +70,19 @@ def make_flow(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNam
         return n
 
     @compiled
-    def put(slot, n, fluid_number, room, state, row, points, q, layers, k):
+    def put(slot, n, fluid_number, capacity, state, row, points, q, layers, k):
         """Write particle n, of layer k at point q of a nozzle, into slot `slot` of the state."""
         position, velocity, number, fluid = state
         distance, at = row[E_DISTANCE], 3 * q
         position[slot] = emitted(points[at], row[E_X], layers, k, distance)
-        position[room + slot] = emitted(points[at + 1], row[E_Y], layers, k, distance)
-        position[2 * room + slot] = emitted(points[at + 2], row[E_Z], layers, k, distance)
-        velocity[slot], velocity[room + slot], velocity[2 * room + slot] = row[E_VX], row[E_VY], row[E_VZ]
+        position[capacity + slot] = emitted(points[at + 1], row[E_Y], layers, k, distance)
+        position[2 * capacity + slot] = emitted(points[at + 2], row[E_Z], layers, k, distance)
+        velocity[slot], velocity[capacity + slot], velocity[2 * capacity + slot] = row[E_VX], row[E_VY], row[E_VZ]
         number[slot], fluid[slot] = np.int32(n), np.int32(fluid_number)
 
     @compiled
     def emit(number, world, parameters, flow):
-        room, state = world.sizes.room, world.state
+        capacity, state = world.sizes.room, world.state
         alive, starts, there, emitters = flow.particles, flow.starts, flow.active, flow.emitters
         clock = parameters.dt, parameters.first_step, parameters.first_time
         begin, end = instant(number, *clock), instant(number + 1, *clock)
@@ -93,15 +93,15 @@ def make_flow(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNam
             first, last = np.int64(begun(passed(begin, since, stop, before, rate))), np.int64(begun(layers))
             if first >= last:
                 continue
-            own = np.int64(row[E_FLUID])
-            n, place, count = np.int64(starts[own]), np.int64(row[E_FIRST]), np.int64(row[E_COUNT])
+            fluid_index = np.int64(row[E_FLUID])
+            n, place, count = np.int64(starts[fluid_index]), np.int64(row[E_FIRST]), np.int64(row[E_COUNT])
             for k in range(first, last):
                 for q in range(place, place + count):
-                    n = free(n, starts[own + 1], there)
-                    if n == starts[own + 1]:
+                    n = free(n, starts[fluid_index + 1], there)
+                    if n == starts[fluid_index + 1]:
                         flow.missed[0] += 1
                     else:
-                        put(alive[0], n, own, room, state, row, flow.points, q, layers, k)
+                        put(alive[0], n, fluid_index, capacity, state, row, flow.points, q, layers, k)
                         there[n] = 1
                         alive[0] += 1
 
@@ -118,12 +118,12 @@ def make_flow(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNam
 
     @compiled
     def drain(part, shared, world, flow):
-        count, room, unsorted, table = world.sizes.particles, world.sizes.room, world.unsorted, world.table
+        count, capacity, unsorted, table = world.sizes.particles, world.sizes.room, world.unsorted, world.table
         place, number, cell, there, sinks = unsorted.position, world.state.number, table.cell, flow.active, flow.sinks
         for k in range(count * part // shared, count * (part + 1) // shared):
             for s in range(sinks.size // SINK_FIELDS):
                 sink = row_at(sinks, np.int64(s * SINK_FIELDS))
-                if cell[k] != GONE and ends(sink, place[k], place[room + k], place[2 * room + k]):
+                if cell[k] != GONE and ends(sink, place[k], place[capacity + k], place[2 * capacity + k]):
                     cell[k], there[number[k]] = np.int32(GONE), 0
 
     @compiled
@@ -148,22 +148,22 @@ def make_flowing(compiler: Compiler, phases: SimpleNamespace, drains: bool) -> d
     emit_some, drain, rest, cells_in = phases.emit, phases.drain, phases.rest, phases.cells_in
 
     def emit(team, member, bands, number, world, parameters, flow):
-        for part in shares(team, member, bands):
+        for part in assigned(team, member, bands):
             if part == 0:
                 emit_some(number, world, parameters, flow)
 
     def sort(team, member, bands, world, parameters, flow):
-        for part in shares(team, member, bands):
+        for part in assigned(team, member, bands):
             enter(part, bands, world, parameters)
         if drains:
-            for part in shares(team, member, bands):
+            for part in assigned(team, member, bands):
                 drain(part, bands, world, flow)
-        for part in shares(team, member, bands):
+        for part in assigned(team, member, bands):
             tally(part, bands, world, parameters)
-        for part in shares(team, member, bands):
+        for part in assigned(team, member, bands):
             put(part, bands, world, parameters)
         if drains:
-            for part in shares(team, member, bands):
+            for part in assigned(team, member, bands):
                 if part == 0:
                     rest(world, cells_in(bands, world, parameters)[2], flow)
 

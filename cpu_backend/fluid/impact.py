@@ -45,8 +45,8 @@ def make_impact(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleN
     multiplier, weight)` returns the velocity (3) without the rebound from walls.
     """
     compiled, m = compiler.compiled, motion.make(real, compiler.compiled)
-    drifted, held_back, speed_of = m.drifted, m.limited_change, m.speed_of
-    after_impact, is_held = impact.make(real, compiled).after_impact, "held-back" in parts
+    drifted, limited_change, speed_of = m.drifted, m.limited_change, m.speed_of
+    after_impact, is_limited = impact.make(real, compiled).after_impact, "held-back" in parts
     touch = make_collide_mass(compiler, real, parts)
 
     @compiled
@@ -57,9 +57,13 @@ def make_impact(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleN
         if qx != x or qy != y or qz != z:
             vx, vy = after_impact(ux, px, qx, rate), after_impact(uy, py, qy, rate)
             vz = after_impact(uz, pz, qz, rate)
-            if is_held:
+            if is_limited:
                 far = speed_of(vx - ux, vy - uy, vz - uz)
-                vx, vy, vz = held_back(vx, ux, far, most), held_back(vy, uy, far, most), held_back(vz, uz, far, most)
+                vx, vy, vz = (
+                    limited_change(vx, ux, far, most),
+                    limited_change(vy, uy, far, most),
+                    limited_change(vz, uz, far, most),
+                )
         return qx, qy, qz, ux, uy, uz, vx, vy, vz
 
     return SimpleNamespace(impact=impact_of, settled=_make_settled(compiler, real, parts))
@@ -76,21 +80,21 @@ def _make_settled(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
         if not multiplier < zero:
             return vx, vy, vz
         total, (_, end, _) = zero, instants(number, parameters)
-        given = parameters, end, qx, qy, qz, ux, uy, uz, multiplier, weight
+        arguments = parameters, end, qx, qy, qz, ux, uy, uz, multiplier, weight
         for b in range(kinds.size):
             body = row_at(bodies, np.int64(b * COLLIDER_FIELDS))
             if has_plane and kinds[b] == PLANE:
-                total, vx, vy, vz = plane(body, given, total, vx, vy, vz)
+                total, vx, vy, vz = plane(body, arguments, total, vx, vy, vz)
             if has_sphere and kinds[b] == SPHERE:
-                total, vx, vy, vz = sphere(body, given, total, vx, vy, vz)
+                total, vx, vy, vz = sphere(body, arguments, total, vx, vy, vz)
             if has_capsule and kinds[b] == CAPSULE:
-                total, vx, vy, vz = capsule(body, given, total, vx, vy, vz)
+                total, vx, vy, vz = capsule(body, arguments, total, vx, vy, vz)
             if has_box and kinds[b] == BOX:
-                total, vx, vy, vz = box(body, given, total, vx, vy, vz)
+                total, vx, vy, vz = box(body, arguments, total, vx, vy, vz)
             if has_mesh and kinds[b] == MESH:
-                total, vx, vy, vz = mesh(body, given, total, vx, vy, vz)
+                total, vx, vy, vz = mesh(body, arguments, total, vx, vy, vz)
             if has_field and kinds[b] == FIELD:
-                total, vx, vy, vz = field(body, given, total, vx, vy, vz)
+                total, vx, vy, vz = field(body, arguments, total, vx, vy, vz)
         return vx, vy, vz
 
     return settled
@@ -109,8 +113,8 @@ def _make_one_wall(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
         away, turns = aways[kind], kind in ("mesh_collider", "distance_field")
 
         @compiled
-        def settle(body, given, total, vx, vy, vz):
-            parameters, end, qx, qy, qz, ux, uy, uz, multiplier, weight = given
+        def settle(body, arguments, total, vx, vy, vz):
+            parameters, end, qx, qy, qz, ux, uy, uz, multiplier, weight = arguments
             thickness, wx, wy, wz = body[B_THICKNESS], body[B_VX], body[B_VY], body[B_VZ]
             distance, nx, ny, nz = away(body, end, parameters.support + thickness, qx, qy, qz)
             if turns:
@@ -118,10 +122,10 @@ def _make_one_wall(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
                     wx, wy, wz, body[B_SPIN], body[B_U], body[B_V], body[B_W], qx, qy, qz, *point(body, end)
                 )  # fmt: skip
             t = wall_near(beyond(distance, thickness), parameters.inverse_wall)
-            share, slope = wall_density(t, parameters.wall_scale), wall_slope(t, parameters.wall_gradient)
-            push = wall_push(multiplier, weight, slope, rate(share, total), parameters.inverse_dt)
+            wall_part, slope = wall_density(t, parameters.wall_scale), wall_slope(t, parameters.wall_gradient)
+            push = wall_push(multiplier, weight, slope, rate(wall_part, total), parameters.inverse_dt)
             speed = rebound(vx, vy, vz, ux, uy, uz, wx, wy, wz, nx, ny, nz, push)
-            total = joined_density(total, share)
+            total = joined_density(total, wall_part)
             return total, without(vx, speed, nx), without(vy, speed, ny), without(vz, speed, nz)
 
         return settle

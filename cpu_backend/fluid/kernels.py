@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
-from softlab.cpu_backend.core.progress import shares
+from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.fluid.constraint import make_iteration, make_search_phases, make_sides_of
 from softlab.cpu_backend.fluid.flow import make_flow, make_flowing
 from softlab.cpu_backend.fluid.phases import make_order
@@ -54,43 +54,43 @@ def make_advance(real: Any, math: str, parts: frozenset[str]) -> Any:
         for turn in range(steps * substeps):
             number, frame = step * substeps + turn, step + turn // substeps
             if emits:
-                for part in shares(team, member, bands):
+                for part in assigned(team, member, bands):
                     if part == 0:
                         emit(number, world, parameters, flow)
             if emits or drains:
                 world = there_of(everyone, flow)
-            for part in shares(team, member, bands):
+            for part in assigned(team, member, bands):
                 predict(part, bands, frame, number, world, parameters, fluids, integers, bodies, kinds)
-            for part in shares(team, member, bands):
+            for part in assigned(team, member, bands):
                 enter(part, bands, world, parameters)
             if drains:
-                for part in shares(team, member, bands):
+                for part in assigned(team, member, bands):
                     drain(part, bands, world, flow)
-            for part in shares(team, member, bands):
+            for part in assigned(team, member, bands):
                 tally(part, bands, world, parameters)
-            for part in shares(team, member, bands):
+            for part in assigned(team, member, bands):
                 put(part, bands, world, parameters)
             if drains:
-                for part in shares(team, member, bands):
+                for part in assigned(team, member, bands):
                     if part == 0:
                         rest(world, cells_in(bands, world, parameters)[2], flow)
                 world = there_of(everyone, flow)
-            for part in shares(team, member, bands):
+            for part in assigned(team, member, bands):
                 prepare(part, bands, number, world, parameters, fluids, bodies, kinds)
             place, there = world.in_order.position, world.work.next
             for iteration in range(iterations):
                 if iteration > 0:
-                    for part in shares(team, member, bands):
+                    for part in assigned(team, member, bands):
                         constrain(part, bands, number, place, world, parameters, bodies, kinds)
-                for part in shares(team, member, bands):
+                for part in assigned(team, member, bands):
                     correct(part, bands, number, place, there, world, parameters, fluids, bodies, kinds)
                 place, there = there, place
-            for part in shares(team, member, bands):
+            for part in assigned(team, member, bands):
                 update(part, bands, number, place, world, parameters, fluids, bodies, kinds)
             if has_shape:
-                for part in shares(team, member, bands):
+                for part in assigned(team, member, bands):
                     shape(part, bands, place, world, parameters)
-            for part in shares(team, member, bands):
+            for part in assigned(team, member, bands):
                 finish(part, bands, place, world, parameters, fluids)
 
     return compiler.team(advance)
@@ -116,11 +116,11 @@ def make_sort(compiler: Compiler, phases: SimpleNamespace) -> Any:
     enter, tally, put = phases.enter, phases.tally, phases.put
 
     def sort(team, member, bands, world, parameters):
-        for part in shares(team, member, bands):
+        for part in assigned(team, member, bands):
             enter(part, bands, world, parameters)
-        for part in shares(team, member, bands):
+        for part in assigned(team, member, bands):
             tally(part, bands, world, parameters)
-        for part in shares(team, member, bands):
+        for part in assigned(team, member, bands):
             put(part, bands, world, parameters)
 
     return compiler.team(sort)

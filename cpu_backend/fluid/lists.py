@@ -55,33 +55,36 @@ def _make_picked(compiler: Compiler, real: Any, parts: frozenset[str], most: int
 
     @compiler.compiled
     def picked(
-        i, own, lane, found, x, y, z, many, near_x, near_y, near_z, squares, who, sides, limit, entries, fluid, sampled
+        i, self_index, lane, neighbour_count, x, y, z, many, near_x, near_y, near_z, squares, who, sides, limit,
+        entries, fluid, sampled
     ):  # fmt: skip
-        """Append to the list of i those of the `many` gathered particles that are near; i is number `own` among them.
+        """Append to the list of i those of the `many` gathered particles that are near; i is number `self_index` among them.
 
         Returns the number of neighbours so far.
         """
         for first in range(0, many, WORD):
             at = np.int64(first)
             distances(x, y, z, sides, row_at(near_x, at), row_at(near_y, at), row_at(near_z, at), squares)
-            near = without(bits_below(squares, np.int64(0), limit), np.int64(own - first))
-            end = found + bits_of(near)
+            near = without(bits_below(squares, np.int64(0), limit), np.int64(self_index - first))
+            end = neighbour_count + bits_of(near)
             if has_solids or end + TOGETHER > most:
                 while near != 0:
                     j = who[first + lowest_bit(near)]
                     near = without_lowest(near)
                     if has_solids and fluid[i] == sampled and fluid[j] == sampled:
                         continue  # two samples of solids are no neighbours
-                    if found < most:
-                        entries[found * LANES + lane] = j
-                    found += 1
+                    if neighbour_count < most:
+                        entries[neighbour_count * LANES + lane] = j
+                    neighbour_count += 1
                 continue
-            for k in range(found, end, TOGETHER):  # numbers behind the last entry are overwritten by the next ones
+            for k in range(
+                neighbour_count, end, TOGETHER
+            ):  # numbers behind the last entry are overwritten by the next ones
                 for n in range(TOGETHER):
                     entries[np.uint64((k + n) * LANES + lane)] = who[np.uint64(first + lowest_bit(near))]
                     near = without_lowest(near)
-            found = end
-        return found
+            neighbour_count = end
+        return neighbour_count
 
     return picked
 
@@ -128,11 +131,11 @@ def _make_gathered(compiler: Compiler, real: Any) -> SimpleNamespace:
             near_x[k], near_y[k], near_z[k], who[k] = x[k], y[k], z[k], np.int32(first + k)
 
     @compiler.compiled
-    def gathered(k, begin, end, room, place, near_x, near_y, near_z, who):
+    def gathered(k, begin, end, capacity, place, near_x, near_y, near_z, who):
         """Copy the positions `begin` to before `end` to index k on. Returns the new number of gathered particles."""
         first = np.int64(begin)
         copied(
-            end - begin, first, row_at(place, first), row_at(place, room + first), row_at(place, 2 * room + first),
+            end - begin, first, row_at(place, first), row_at(place, capacity + first), row_at(place, 2 * capacity + first),
             row_at(near_x, k), row_at(near_y, k), row_at(near_z, k), row_at(who, k),
         )  # fmt: skip
         return k + np.int64(end - begin)
@@ -169,18 +172,18 @@ def make_find(compiler: Compiler, real: Any, parts: frozenset[str], most: int) -
 
     @compiler.compiled
     def find(first, last, world, cells, sides, parameters, around):
-        count, room, table = world.sizes.particles, world.sizes.room, world.table
+        count, capacity, table = world.sizes.particles, world.sizes.room, world.table
         place, neighbours, longest = world.in_order.position, world.lists.neighbours, world.lists.longest
         near_x, near_y, near_z, squares, who, runs = around
         limit, missed = squared(parameters.support, zero, zero), 0
         nx, ny, nz = cells
         sampled = np.int32(parameters.sampled)
-        known, ends, many, own_from, holds = np.int64(-1), 0, np.int64(0), np.int64(0), True
+        known, ends, many, self_offset, holds = np.int64(-1), 0, np.int64(0), np.int64(0), True
         for s in range(first, last):
-            own = row_at(world.lists.entries, np.int64(s) * (LANES * most))
+            entry_row = row_at(world.lists.entries, np.int64(s) * (LANES * most))
             longest[s] = 0
             for lane in range(LANES):
-                i, found = np.int64(s) * LANES + lane, 0
+                i, neighbour_count = np.int64(s) * LANES + lane, 0
                 neighbours[i] = 0
                 if i >= count:
                     continue
@@ -193,29 +196,31 @@ def make_find(compiler: Compiler, real: Any, parts: frozenset[str], most: int) -
                     if holds:
                         for n in range(0, ends, 2):
                             if runs[n] <= i and i < runs[n + 1]:
-                                own_from = many - np.int64(runs[n])
-                            many = gathered(many, runs[n], runs[n + 1], room, place, near_x, near_y, near_z, who)
+                                self_offset = many - np.int64(runs[n])
+                            many = gathered(many, runs[n], runs[n + 1], capacity, place, near_x, near_y, near_z, who)
                         filled_up(many, near_x)
-                x, y, z = place[i], place[room + i], place[2 * room + i]
+                x, y, z = place[i], place[capacity + i], place[2 * capacity + i]
                 if holds:
-                    found = picked(
-                        i, i + own_from, lane, found, x, y, z, many, near_x, near_y, near_z, squares, who, sides, limit,
-                        own, world.in_order.fluid, sampled,
+                    neighbour_count = picked(
+                        i, i + self_offset, lane, neighbour_count, x, y, z, many, near_x, near_y, near_z, squares, who,
+                        sides, limit, entry_row, world.in_order.fluid, sampled,
                     )  # fmt: skip
                 else:  # in batches of AROUND particles
                     for n in range(0, ends, 2):
                         for begin in range(runs[n], runs[n + 1], AROUND):
                             end = min(begin + AROUND, runs[n + 1])
-                            many = gathered(np.int64(0), begin, end, room, place, near_x, near_y, near_z, who)
+                            many = gathered(np.int64(0), begin, end, capacity, place, near_x, near_y, near_z, who)
                             filled_up(many, near_x)
-                            found = picked(
-                                i, i - np.int64(begin), lane, found, x, y, z, many, near_x, near_y, near_z, squares, who,
-                                sides, limit, own, world.in_order.fluid, sampled,
+                            neighbour_count = picked(
+                                i, i - np.int64(begin), lane, neighbour_count, x, y, z, many, near_x, near_y, near_z,
+                                squares, who, sides, limit, entry_row, world.in_order.fluid, sampled,
                             )  # fmt: skip
-                missed += max(found - most, 0)
-                neighbours[i] = np.int32(min(found, most))
+                missed += max(neighbour_count - most, 0)
+                neighbours[i] = np.int32(min(neighbour_count, most))
                 longest[s] = max(longest[s], neighbours[i])
-            filled(np.int64(longest[s]), np.int32(world.sizes.nobody), row_at(neighbours, np.int64(s) * LANES), own)
+            filled(
+                np.int64(longest[s]), np.int32(world.sizes.nobody), row_at(neighbours, np.int64(s) * LANES), entry_row
+            )
         return missed
 
     return find

@@ -21,7 +21,7 @@ def make_pairs(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNa
     f, wrap = density.make(real, compiler.compiled), make_wrap(compiler, real, parts)
     squared, near, closeness, apart, slope = f.squared, f.near, f.closeness, f.apart, f.slope
     density_added = f.density_added
-    gradient_added, own_added, crowded, correction_added = (
+    gradient_added, squares_added, crowded, correction_added = (
         f.gradient_added,
         f.squares_added,
         f.crowded,
@@ -32,23 +32,23 @@ def make_pairs(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNa
     one = real(1)
 
     @compiler.row
-    def densities(many, entries, quads, x, y, z, w, own_x, own_y, own_z, sides, inverse, total):
+    def densities(many, entries, quads, x, y, z, w, centre_x, centre_y, centre_z, sides, inverse, total):
         for k in range(many):
             read_quads(quads, entries, np.int64(k * LANES), x, y, z, w)
             for lane in range(LANES):
-                dx, dy, dz = wrap(own_x[lane] - x[lane], own_y[lane] - y[lane], own_z[lane] - z[lane], sides)
+                dx, dy, dz = wrap(centre_x[lane] - x[lane], centre_y[lane] - y[lane], centre_z[lane] - z[lane], sides)
                 total[lane] = density_added(total[lane], closeness(squared(dx, dy, dz), inverse))
 
     @compiler.row
     def gradients(
-        many, first, entries, quads, x, y, z, w, own_x, own_y, own_z, sides, support, inverse, scale, fluid, fluids, gx, gy,
-        gz, own, total,
+        many, first, entries, quads, x, y, z, w, centre_x, centre_y, centre_z, sides, support, inverse, scale, fluid,
+        fluids, gx, gy, gz, squares, total,
     ):  # fmt: skip
         for k in range(many):
             read_quads(quads, entries, np.int64(k * LANES), x, y, z, w)
             for lane in range(LANES):
                 j = entries[k * LANES + lane]
-                dx, dy, dz = wrap(own_x[lane] - x[lane], own_y[lane] - y[lane], own_z[lane] - z[lane], sides)
+                dx, dy, dz = wrap(centre_x[lane] - x[lane], centre_y[lane] - y[lane], centre_z[lane] - z[lane], sides)
                 square = squared(dx, dy, dz)
                 total[lane] = density_added(total[lane], closeness(square, inverse))
                 dy = apart(dy, square, support, first + lane < j)
@@ -58,22 +58,22 @@ def make_pairs(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNa
                 gy[lane] = gradient_added(gy[lane], s, dy)
                 gz[lane] = gradient_added(gz[lane], s, dz)
                 weight = fluids[row_of(fluid, j) + F_WEIGHT] if several else one
-                own[lane] = own_added(own[lane], weight, s, square)
+                squares[lane] = squares_added(squares[lane], weight, s, square)
 
     @compiler.row
     def corrections(
-        many, first, entries, quads, x, y, z, w, own_x, own_y, own_z, own_delta, sides, support, inverse, scale, tensile,
-        inverse_tensile, ax, ay, az,
+        many, first, entries, quads, x, y, z, w, centre_x, centre_y, centre_z, centre_delta, sides, support, inverse,
+        scale, tensile, inverse_tensile, ax, ay, az,
     ):  # fmt: skip
         for k in range(many):
             read_quads(quads, entries, np.int64(k * LANES), x, y, z, w)
             for lane in range(LANES):
                 j = entries[k * LANES + lane]
-                dx, dy, dz = wrap(own_x[lane] - x[lane], own_y[lane] - y[lane], own_z[lane] - z[lane], sides)
+                dx, dy, dz = wrap(centre_x[lane] - x[lane], centre_y[lane] - y[lane], centre_z[lane] - z[lane], sides)
                 dy = apart(dy, squared(dx, dy, dz), support, first + lane < j)
                 square = squared(dx, dy, dz)
                 s = slope(square, inverse, scale)
-                both = own_delta[lane] + w[lane]
+                both = centre_delta[lane] + w[lane]
                 if has_tensile:
                     both = both - crowded(near(square, inverse), inverse_tensile, tensile)
                 ax[lane] = correction_added(ax[lane], both, s, dx)

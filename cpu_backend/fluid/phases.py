@@ -16,21 +16,22 @@ from softlab.cpu_backend.fluid.cells import make_predict, make_sort, make_table
 
 def make_order(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
     """Make `predict`, `enter`, `tally`, `put`: the phases up to the sort, (part, parts, step, world, ...)."""
-    predict_some, table_made, sort = (
+    predict_some, table, sort = (
         make_predict(compiler, real, parts),
         make_table(compiler, real),
         make_sort(compiler, parts),
     )
-    span, enter_some, tally_some, put_some = table_made.span, table_made.enter, sort.tally, sort.put
+    span, enter_some, tally_some, put_some = table.span, table.enter, sort.tally, sort.put
     compiled = compiler.compiled
 
     @compiled
     def predict(part, shared, step, number, world, parameters, fluids, integers, bodies, kinds):
-        count, room, state, unsorted = world.sizes.particles, world.sizes.room, world.state, world.unsorted
+        count, capacity, state, unsorted = world.sizes.particles, world.sizes.room, world.state, world.unsorted
         table = world.table
         first, last = count * part // shared, count * (part + 1) // shared
         world.lists.counts[shared + part] += predict_some(
-            part, first, last, step, number, room, state, unsorted, table.boxes, parameters, fluids, integers, bodies, kinds
+            part, first, last, step, number, capacity, state, unsorted, table.boxes, parameters, fluids, integers,
+            bodies, kinds
         )  # fmt: skip
 
     @compiled
@@ -55,14 +56,16 @@ def make_order(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNa
 
     @compiled
     def put(part, shared, world, parameters):
-        room, state, unsorted, in_order = world.sizes.room, world.state, world.unsorted, world.in_order
+        capacity, state, unsorted, in_order = world.sizes.room, world.state, world.unsorted, world.in_order
         cell, starts, order = world.table.cell, world.table.starts, world.table.order
         _, _, (nx, ny, nz) = cells_in(shared, world, parameters)
         cells, first = nx * ny * nz, 0
         for k in range(part):
             first += world.table.totals[k]
         low, high = cells * part // shared, cells * (part + 1) // shared
-        end = put_some(low, high, first, world.sizes.particles, room, state, unsorted, in_order, cell, starts, order)
+        end = put_some(
+            low, high, first, world.sizes.particles, capacity, state, unsorted, in_order, cell, starts, order
+        )
         if part == shared - 1:
             starts[cells] = np.int32(end)
 

@@ -63,12 +63,12 @@ def read_quads(typing_context, quads, entries, offset, x, y, z, w):
 
         scalar, wide = context.get_data_type(quads.dtype), ir.IntType(64)
         vector, size = ir.VectorType(scalar, QUAD), quads.dtype.bitwidth // 8
-        first, found = builder.gep(data(1), [arguments[2]]), []
+        first, loaded = builder.gep(data(1), [arguments[2]]), []
         base = builder.bitcast(data(0), vector.as_pointer())
         for lane in range(LANES):
             number = builder.zext(builder.load(builder.gep(first, [ir.Constant(wide, lane)])), wide)
-            found.append(builder.load(builder.gep(base, [number]), align=QUAD * size))
-        for place, plane in zip((3, 4, 5, 6), _planes(builder, found), strict=True):
+            loaded.append(builder.load(builder.gep(base, [number]), align=QUAD * size))
+        for place, plane in zip((3, 4, 5, 6), _planes(builder, loaded), strict=True):
             builder.store(plane, builder.bitcast(data(place), plane.type.as_pointer()), align=size)
         return context.get_dummy_value()
 

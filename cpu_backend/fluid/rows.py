@@ -23,7 +23,7 @@ def make_scratch(compiler: Compiler) -> SimpleNamespace:
     """Make views of scratch and planes.
 
     `sums_of(part, scratch)`: the SUMS rows of a band, in sequence. `numbers_of(part, scratch)`: its NUMBERS further
-    rows. `own(plane, room, base)`: the three planes of a slice's own particles.
+    rows. `vector_at(plane, capacity, base)`: the three planes of a slice's own particles.
     """
 
     @compiler.compiled
@@ -43,17 +43,17 @@ def make_scratch(compiler: Compiler) -> SimpleNamespace:
         )  # fmt: skip
 
     @compiler.compiled
-    def own(plane, room, base):
-        return row_at(plane, base), row_at(plane, room + base), row_at(plane, 2 * room + base)
+    def vector_at(plane, capacity, base):
+        return row_at(plane, base), row_at(plane, capacity + base), row_at(plane, 2 * capacity + base)
 
-    return SimpleNamespace(sums_of=sums_of, numbers_of=numbers_of, own=own)
+    return SimpleNamespace(sums_of=sums_of, numbers_of=numbers_of, vector_at=vector_at)
 
 
 def make_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
     """Make `factors`, `relax` and `move`.
 
-    `factors(relaxation, softness, fluid, fluids, gx, gy, gz, own, wx, wy, wz, factor, multiplier)`. `relax(lattice_sum,
-    scale, total, share, factor, multiplier, delta, error)`: constraints and changes of multipliers. `move(fluid,
+    `factors(relaxation, softness, fluid, fluids, gx, gy, gz, squares, wx, wy, wz, factor, multiplier)`. `relax(lattice_sum,
+    scale, total, wall_part, factor, multiplier, delta, error)`: constraints and changes of multipliers. `move(fluid,
     fluids, delta, wx, wy, wz, px, py, pz, ax, ay, az, vx, vy, vz)`: turn the corrections a into positions, and set v to
     0.
     """
@@ -63,19 +63,19 @@ def make_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNam
     row_of, zero = compiler.compiled(make_row_of(parts)), real(0)
 
     @compiler.row
-    def factors(relaxation, softness, fluid, fluids, gx, gy, gz, own, wx, wy, wz, factor, multiplier):
+    def factors(relaxation, softness, fluid, fluids, gx, gy, gz, squares, wx, wy, wz, factor, multiplier):
         for lane in range(LANES):
             weight = fluids[row_of(fluid, lane) + F_WEIGHT]
             x, y, z = zero, zero, zero
             if has_walls:
                 x, y, z = wx[lane], wy[lane], wz[lane]
-            factor[lane] = factor_of(relaxation, weight, gx[lane], gy[lane], gz[lane], own[lane], x, y, z, softness)
+            factor[lane] = factor_of(relaxation, weight, gx[lane], gy[lane], gz[lane], squares[lane], x, y, z, softness)
             multiplier[lane] = zero
 
     @compiler.row
-    def relax(lattice_sum, scale, total, share, factor, multiplier, delta, error):
+    def relax(lattice_sum, scale, total, wall_part, factor, multiplier, delta, error):
         for lane in range(LANES):
-            c = constraint(total[lane], lattice_sum, scale, share[lane] if has_walls else zero)
+            c = constraint(total[lane], lattice_sum, scale, wall_part[lane] if has_walls else zero)
             error[lane] = c
             delta[lane] = change_alone(factor[lane], c) if averaged else change(multiplier[lane], factor[lane], c)
             multiplier[lane] = multiplier[lane] + delta[lane]

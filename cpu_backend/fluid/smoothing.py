@@ -25,9 +25,13 @@ def _make_difference(compiler: Compiler, real: Any, parts: frozenset[str]) -> An
     squared, apart = f.squared, f.apart
 
     @compiler.compiled
-    def difference(i, j, room, place, sides, support):
+    def difference(i, j, capacity, place, sides, support):
         """Return the difference of two positions and its square."""
-        dx, dy, dz = place[i] - place[j], place[room + i] - place[room + j], place[2 * room + i] - place[2 * room + j]
+        dx, dy, dz = (
+            place[i] - place[j],
+            place[capacity + i] - place[capacity + j],
+            place[2 * capacity + i] - place[2 * capacity + j],
+        )
         dx, dy, dz = wrap(dx, dy, dz, sides)
         dy = apart(dy, squared(dx, dy, dz), support, i < j)
         return dx, dy, dz, squared(dx, dy, dz)
@@ -42,26 +46,26 @@ def _make_shapes(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     zero = real(0)
 
     @compiler.compiled
-    def shapes(i, many, entries, room, place, velocity, normal, curl, sides, parameters, fluid):
+    def shapes(i, many, entries, capacity, place, velocity, normal, curl, sides, parameters, fluid):
         """Write the normal and the vorticity of particle i, whose neighbours begin at entries[0]."""
         support, inverse, scale = parameters.support, parameters.inverse_support, parameters.gradient_scale
         nx, ny, nz, wx, wy, wz = zero, zero, zero, zero, zero, zero
-        vx, vy, vz = velocity[i], velocity[room + i], velocity[2 * room + i]
+        vx, vy, vz = velocity[i], velocity[capacity + i], velocity[2 * capacity + i]
         for k in range(many):
             j = np.int64(entries[k * LANES])
             if has_solids and fluid[j] == parameters.sampled:
                 continue
-            dx, dy, dz, square = difference(i, j, room, place, sides, support)
+            dx, dy, dz, square = difference(i, j, capacity, place, sides, support)
             s = slope(square, inverse, scale)
             if has_tension:
                 nx, ny, nz = gradient_added(nx, s, dx), gradient_added(ny, s, dy), gradient_added(nz, s, dz)
             if has_vorticity:
-                ux, uy, uz = velocity[j], velocity[room + j], velocity[2 * room + j]
+                ux, uy, uz = velocity[j], velocity[capacity + j], velocity[2 * capacity + j]
                 wx = curl_added(wx, s, dy, dz, vy, vz, uy, uz)
                 wy = curl_added(wy, s, dz, dx, vz, vx, uz, ux)
                 wz = curl_added(wz, s, dx, dy, vx, vy, ux, uy)
-        normal[i], normal[room + i], normal[2 * room + i] = nx, ny, nz
-        curl[i], curl[room + i], curl[2 * room + i] = wx, wy, wz
+        normal[i], normal[capacity + i], normal[2 * capacity + i] = nx, ny, nz
+        curl[i], curl[capacity + i], curl[2 * capacity + i] = wx, wy, wz
 
     return shapes
 
@@ -69,53 +73,53 @@ def _make_shapes(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 def _make_smooth(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     f, m = density.make(real, compiler.compiled), motion.make(real, compiler.compiled)
     near, slope, speed_of, difference = f.near, f.slope, m.speed_of, _make_difference(compiler, real, parts)
-    smooth_share, smooth_added, pull, pull_added = m.smoothing_weight, m.smooth_added, m.pull, m.pull_added
+    smoothing_weight, smooth_added, pull, pull_added = m.smoothing_weight, m.smooth_added, m.pull, m.pull_added
     tension_added, rise_added, smoothed, confined = m.tension_added, m.rise_added, m.smoothed, m.confined
     has_viscosity, has_cohesion = "viscosity" in parts, "cohesion" in parts
     has_tension, has_vorticity, has_solids = "surface-tension" in parts, "vorticity" in parts, "solids" in parts
     row_of, zero = compiler.compiled(make_row_of(parts)), real(0)
 
     @compiler.compiled
-    def smooth(i, many, entries, room, place, velocity, normal, curl, sides, parameters, fluid, fluids):
+    def smooth(i, many, entries, capacity, place, velocity, normal, curl, sides, parameters, fluid, fluids):
         """Return the velocity of particle i after viscosity, cohesion, surface tension and vorticity confinement."""
         support, inverse, scale = parameters.support, parameters.inverse_support, parameters.gradient_scale
-        vx, vy, vz = velocity[i], velocity[room + i], velocity[2 * room + i]
+        vx, vy, vz = velocity[i], velocity[capacity + i], velocity[2 * capacity + i]
         mx, my, mz, fx, fy, fz, rx, ry, rz = zero, zero, zero, zero, zero, zero, zero, zero, zero
         row = row_of(fluid, i)
         weight, length = fluids[row + F_WEIGHT], zero
         if has_vorticity:
-            length = speed_of(curl[i], curl[room + i], curl[2 * room + i])
+            length = speed_of(curl[i], curl[capacity + i], curl[2 * capacity + i])
         for k in range(many):
             j = np.int64(entries[k * LANES])
-            dx, dy, dz, square = difference(i, j, room, place, sides, support)
+            dx, dy, dz, square = difference(i, j, capacity, place, sides, support)
             other = row_of(fluid, j)
             if has_solids and fluid[j] == parameters.sampled:
                 continue
             if has_viscosity:
-                share = smooth_share(
+                smoothing = smoothing_weight(
                     near(square, inverse), fluids[row + F_VISCOSITY], fluids[other + F_VISCOSITY], weight,
                     fluids[other + F_WEIGHT],
                 )  # fmt: skip
-                mx = smooth_added(mx, share, vx, velocity[j])
-                my = smooth_added(my, share, vy, velocity[room + j])
-                mz = smooth_added(mz, share, vz, velocity[2 * room + j])
+                mx = smooth_added(mx, smoothing, vx, velocity[j])
+                my = smooth_added(my, smoothing, vy, velocity[capacity + j])
+                mz = smooth_added(mz, smoothing, vz, velocity[2 * capacity + j])
             if has_cohesion:
                 drawn = pull(square, inverse, fluids[row + F_COHESION], fluids[other + F_COHESION])
                 fx, fy, fz = pull_added(fx, drawn, dx), pull_added(fy, drawn, dy), pull_added(fz, drawn, dz)
             if has_tension:
-                mine, its = fluids[row + F_TENSION], fluids[other + F_TENSION]
-                fx = tension_added(fx, mine, its, normal[i], normal[j])
-                fy = tension_added(fy, mine, its, normal[room + i], normal[room + j])
-                fz = tension_added(fz, mine, its, normal[2 * room + i], normal[2 * room + j])
+                tension_here, its = fluids[row + F_TENSION], fluids[other + F_TENSION]
+                fx = tension_added(fx, tension_here, its, normal[i], normal[j])
+                fy = tension_added(fy, tension_here, its, normal[capacity + i], normal[capacity + j])
+                fz = tension_added(fz, tension_here, its, normal[2 * capacity + i], normal[2 * capacity + j])
             if has_vorticity:
                 s = slope(square, inverse, scale)
-                its = speed_of(curl[j], curl[room + j], curl[2 * room + j])
+                its = speed_of(curl[j], curl[capacity + j], curl[2 * capacity + j])
                 rx, ry = rise_added(rx, s, dx, length, its), rise_added(ry, s, dy, length, its)
                 rz = rise_added(rz, s, dz, length, its)
         vx, vy, vz = smoothed(vx, mx, weight, fx), smoothed(vy, my, weight, fy), smoothed(vz, mz, weight, fz)
         if has_vorticity:
             steep, strength = speed_of(rx, ry, rz), fluids[row + F_CONFINEMENT]
-            wx, wy, wz = curl[i], curl[room + i], curl[2 * room + i]
+            wx, wy, wz = curl[i], curl[capacity + i], curl[2 * capacity + i]
             vx = confined(vx, strength, steep, ry, rz, wy, wz)
             vy = confined(vy, strength, steep, rz, rx, wz, wx)
             vz = confined(vz, strength, steep, rx, ry, wx, wy)

@@ -18,7 +18,7 @@ def make_solid_pairs(compiler: Compiler, real: Any, parts: frozenset[str]) -> Si
     """Make `densities`, `gradients`, `corrections`, which add to their sums (0 at first), and `frictions`."""
     f, m = density.make(real, compiler.compiled), solids.make(real, compiler.compiled)
     squared, near, closeness, apart, slope = f.squared, f.near, f.closeness, f.apart, f.slope
-    gradient_added, own_added, crowded, correction_added = (
+    gradient_added, squares_added, crowded, correction_added = (
         f.gradient_added,
         f.squares_added,
         f.crowded,
@@ -30,21 +30,22 @@ def make_solid_pairs(compiler: Compiler, real: Any, parts: frozenset[str]) -> Si
     row_of = compiler.compiled(make_row_of(parts))
 
     @compiler.row
-    def densities(many, entries, x, y, z, own_x, own_y, own_z, inverse, volume, total):
+    def densities(many, entries, x, y, z, centre_x, centre_y, centre_z, inverse, volume, total):
         for k in range(many):
             for lane in range(LANES):
                 j = entries[k * LANES + lane]
-                t = closeness(squared(own_x[lane] - x[j], own_y[lane] - y[j], own_z[lane] - z[j]), inverse)
+                t = closeness(squared(centre_x[lane] - x[j], centre_y[lane] - y[j], centre_z[lane] - z[j]), inverse)
                 total[lane] = counted(total[lane], volume[j], t)
 
     @compiler.row
     def gradients(
-        many, first, entries, x, y, z, own_x, own_y, own_z, support, inverse, scale, volume, lightness, gx, gy, gz, own
+        many, first, entries, x, y, z, centre_x, centre_y, centre_z, support, inverse, scale, volume, lightness, gx, gy,
+        gz, squares
     ):  # fmt: skip
         for k in range(many):
             for lane in range(LANES):
                 j = entries[k * LANES + lane]
-                dx, dy, dz = own_x[lane] - x[j], own_y[lane] - y[j], own_z[lane] - z[j]
+                dx, dy, dz = centre_x[lane] - x[j], centre_y[lane] - y[j], centre_z[lane] - z[j]
                 dy = apart(dy, squared(dx, dy, dz), support, first + lane < j)
                 square = squared(dx, dy, dz)
                 bare = slope(square, inverse, scale)
@@ -52,52 +53,52 @@ def make_solid_pairs(compiler: Compiler, real: Any, parts: frozenset[str]) -> Si
                 gx[lane] = gradient_added(gx[lane], s, dx)
                 gy[lane] = gradient_added(gy[lane], s, dy)
                 gz[lane] = gradient_added(gz[lane], s, dz)
-                own[lane] = own_added(own[lane], carried(lightness[j], volume[j]), bare, square)
+                squares[lane] = squares_added(squares[lane], carried(lightness[j], volume[j]), bare, square)
 
     @compiler.row
     def corrections(
-        many, first, entries, x, y, z, delta, volume, grip, own_x, own_y, own_z, own_delta, own_volume, own_grip, support,
-        inverse, scale, tensile, inverse_tensile, ax, ay, az,
+        many, first, entries, x, y, z, delta, volume, grip, centre_x, centre_y, centre_z, centre_delta, centre_volume,
+        centre_grip, support, inverse, scale, tensile, inverse_tensile, ax, ay, az,
     ):  # fmt: skip
         for k in range(many):
             for lane in range(LANES):
                 j = entries[k * LANES + lane]
-                dx, dy, dz = own_x[lane] - x[j], own_y[lane] - y[j], own_z[lane] - z[j]
+                dx, dy, dz = centre_x[lane] - x[j], centre_y[lane] - y[j], centre_z[lane] - z[j]
                 dy = apart(dy, squared(dx, dy, dz), support, first + lane < j)
                 square = squared(dx, dy, dz)
                 s = slope(square, inverse, scale)
-                both = both_of(own_delta[lane], delta[j], own_volume[lane], volume[j])
+                both = both_of(centre_delta[lane], delta[j], centre_volume[lane], volume[j])
                 if has_tensile:
-                    alone = grip[j] + own_grip[lane] == zero
+                    alone = grip[j] + centre_grip[lane] == zero
                     both = both - (crowded(near(square, inverse), inverse_tensile, tensile) if alone else zero)
                 ax[lane] = correction_added(ax[lane], both, s, dx)
                 ay[lane] = correction_added(ay[lane], both, s, dy)
                 az[lane] = correction_added(az[lane], both, s, dz)
 
     @compiler.compiled
-    def frictions(i, many, entries, room, place, before, inverse, grip, lightness, fluid, fluids, x, y, z):
+    def frictions(i, many, entries, capacity, place, before, inverse, grip, lightness, fluid, fluids, x, y, z):
         """Return the sums x, y, z of particle i with the friction between it and the samples (or particles) near it."""
         if not rubs:
             return x, y, z
-        mine = fluids[row_of(fluid, i) + F_VISCOSITY]
+        viscosity_here = fluids[row_of(fluid, i) + F_VISCOSITY]
         wx, wy, wz = (
             place[i] - before[i],
-            place[room + i] - before[room + i],
-            place[2 * room + i] - before[2 * room + i],
+            place[capacity + i] - before[capacity + i],
+            place[2 * capacity + i] - before[2 * capacity + i],
         )
         for k in range(many):
             j = entries[k * LANES]
             if (grip[i] > zero) != (grip[j] > zero):
                 dx, dy, dz = (
                     place[i] - place[j],
-                    place[room + i] - place[room + j],
-                    place[2 * room + i] - place[2 * room + j],
+                    place[capacity + i] - place[capacity + j],
+                    place[2 * capacity + i] - place[2 * capacity + j],
                 )
                 t, its = near(squared(dx, dy, dz), inverse), fluids[row_of(fluid, j) + F_VISCOSITY]
-                share = rub(t, mine, its, lightness[i], lightness[j], grip[i], grip[j])
-                x = rub_added(x, share, wx, place[j] - before[j])
-                y = rub_added(y, share, wy, place[room + j] - before[room + j])
-                z = rub_added(z, share, wz, place[2 * room + j] - before[2 * room + j])
+                friction = rub(t, viscosity_here, its, lightness[i], lightness[j], grip[i], grip[j])
+                x = rub_added(x, friction, wx, place[j] - before[j])
+                y = rub_added(y, friction, wy, place[capacity + j] - before[capacity + j])
+                z = rub_added(z, friction, wz, place[2 * capacity + j] - before[2 * capacity + j])
         return x, y, z
 
     return SimpleNamespace(densities=densities, gradients=gradients, corrections=corrections, frictions=frictions)

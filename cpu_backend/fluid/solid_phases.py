@@ -1,6 +1,6 @@
 """The phases of a fluid's substep that involve solids, on CPU threads (model/fluid/plan.py, Solids).
 
-`met`: Solids of fluid/arrays.py.
+`coupling`: Solids of fluid/arrays.py.
 """
 
 from __future__ import annotations
@@ -35,31 +35,39 @@ def make_sampling(compiler: Compiler, real: Any) -> SimpleNamespace:
     zero, largest = real(0), real(LARGEST)
 
     @compiled
-    def point(s, corners, shares, rows):
+    def point(s, corners, weights, rows):
         """Return the position of sample s between its corners, of particles in rows of three."""
         at = CORNERS * s
         i, j, k = AXES * np.int64(corners[at]), AXES * np.int64(corners[at + 1]), AXES * np.int64(corners[at + 2])
-        a, b, c = shares[at], shares[at + 1], shares[at + 2]
+        a, b, c = weights[at], weights[at + 1], weights[at + 2]
         return (
             middle(rows[i], rows[j], rows[k], a, b, c), middle(rows[i + 1], rows[j + 1], rows[k + 1], a, b, c),
             middle(rows[i + 2], rows[j + 2], rows[k + 2], a, b, c),
         )  # fmt: skip
 
     @compiled
-    def sample(part, shared, world, met):
+    def sample(part, shared, world, coupling):
         """Write the predicted positions of samples among the unsorted particles, and the bounding box of the band."""
-        count, room, before = world.sizes.particles, world.sizes.room, world.unsorted.before
-        place, meant, table = world.unsorted.position, world.unsorted.velocity, world.table
-        corners, shares = met.points.corners, met.points.weights
+        count, capacity, before = world.sizes.particles, world.sizes.room, world.unsorted.before
+        place, predicted_velocity, table = world.unsorted.position, world.unsorted.velocity, world.table
+        corners, weights = coupling.points.corners, coupling.points.weights
         number, boxes = world.state.number, table.boxes
         lx, ly, lz, hx, hy, hz = largest, largest, largest, -largest, -largest, -largest
         for k in range(count * part // shared, count * (part + 1) // shared):
-            s = np.int64(number[k]) - met.fluids
+            s = np.int64(number[k]) - coupling.fluids
             if s >= 0:
-                before[k], before[room + k], before[2 * room + k] = point(s, corners, shares, met.places.before)
-                place[k], place[room + k], place[2 * room + k] = point(s, corners, shares, met.places.position)
-                meant[k], meant[room + k], meant[2 * room + k] = zero, zero, zero
-            x, y, z = place[k], place[room + k], place[2 * room + k]
+                before[k], before[capacity + k], before[2 * capacity + k] = point(
+                    s, corners, weights, coupling.places.before
+                )
+                place[k], place[capacity + k], place[2 * capacity + k] = point(
+                    s, corners, weights, coupling.places.position
+                )
+                predicted_velocity[k], predicted_velocity[capacity + k], predicted_velocity[2 * capacity + k] = (
+                    zero,
+                    zero,
+                    zero,
+                )
+            x, y, z = place[k], place[capacity + k], place[2 * capacity + k]
             if abs(x) < largest and abs(y) < largest and abs(z) < largest:
                 lx, ly, lz, hx, hy, hz = min(lx, x), min(ly, y), min(lz, z), max(hx, x), max(hy, y), max(hz, z)
         box = BOX * np.int64(part)
@@ -67,40 +75,42 @@ def make_sampling(compiler: Compiler, real: Any) -> SimpleNamespace:
         boxes[box + 3], boxes[box + 4], boxes[box + 5] = hx, hy, hz
 
     @compiled
-    def gather(part, shared, world, met):
+    def gather(part, shared, world, coupling):
         """Copy `kinds` into the order of cells, and store the slots of samples."""
-        count, room = world.sizes.particles, world.sizes.room
-        fluids, kinds = met.fluids, met.kinds
+        count, capacity = world.sizes.particles, world.sizes.room
+        fluids, kinds = coupling.fluids, coupling.kinds
         number = world.in_order.number
         for i in range(count * part // shared, count * (part + 1) // shared):
             n = np.int64(number[i])
             for kind in range(KINDS):
-                kinds[kind * room + i] = met.kinds_by_number[kind * count + n]
+                kinds[kind * capacity + i] = coupling.kinds_by_number[kind * count + n]
             if n >= fluids:
-                met.slots[n - fluids] = np.int32(i)
+                coupling.slots[n - fluids] = np.int32(i)
 
     @compiled
-    def follow(part, shared, place, world, met):
+    def follow(part, shared, place, world, coupling):
         """Write the current positions of samples."""
-        room = world.sizes.room
-        slots, shares, position = met.slots, met.points.weights, met.places.position
+        capacity = world.sizes.room
+        slots, weights, position = coupling.slots, coupling.points.weights, coupling.places.position
         many = slots.size
         for s in range(many * part // shared, many * (part + 1) // shared):
             i = np.int64(slots[s])
-            place[i], place[room + i], place[2 * room + i] = point(s, met.points.corners, shares, position)
+            place[i], place[capacity + i], place[2 * capacity + i] = point(
+                s, coupling.points.corners, weights, position
+            )
 
     @compiled
-    def push(part, shared, met):
+    def push(part, shared, coupling):
         """Move the solids' particles by the shifts of their samples, summed in the order of the samples."""
-        position, lightness, offsets = met.places.position, met.carriers.lightness, met.carriers.offsets
-        shares, shift = met.carriers.weights, met.shift
-        many, room = lightness.size, met.slots.size
+        position, lightness, offsets = coupling.places.position, coupling.carriers.lightness, coupling.carriers.offsets
+        weights, shift = coupling.carriers.weights, coupling.shift
+        many, capacity = lightness.size, coupling.slots.size
         for k in range(many * part // shared, many * (part + 1) // shared):
             x, y, z = zero, zero, zero
             for e in range(offsets[k], offsets[k + 1]):
-                s = np.int64(met.carriers.samples[e])
-                x, y = carried_on(x, shares[e], shift[s]), carried_on(y, shares[e], shift[room + s])
-                z = carried_on(z, shares[e], shift[2 * room + s])
+                s = np.int64(coupling.carriers.samples[e])
+                x, y = carried_on(x, weights[e], shift[s]), carried_on(y, weights[e], shift[capacity + s])
+                z = carried_on(z, weights[e], shift[2 * capacity + s])
             at = AXES * np.int64(k)
             position[at], position[at + 1] = (
                 moved(position[at], lightness[k], x),
@@ -120,38 +130,46 @@ def make_solid_constraint(compiler: Compiler, real: Any, parts: frozenset[str]) 
 
 
 def _make_factors(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    gradients, own_of = make_solid_pairs(compiler, real, parts).gradients, make_scratch(compiler).own
+    gradients, vector_at = make_solid_pairs(compiler, real, parts).gradients, make_scratch(compiler).vector_at
     wall_rows, instants = make_wall_rows(compiler, real, parts), make_instants(compiler, real, parts)
     factor_rows, most = make_rows(compiler, real, parts).factors, MAX_NEIGHBOURS[AXES]
     has_walls, zero = "walls" in parts, real(0)
 
     @compiler.compiled
-    def factors(part, shared, number, world, met, scratch, parameters, fluids, bodies, kinds_of):
+    def factors(part, shared, number, world, coupling, scratch, parameters, fluids, bodies, kinds_of):
         """Evaluate the neighbour factors of the constraint; 0 for samples."""
-        count, room, in_order = world.sizes.particles, world.sizes.room, world.in_order
+        count, capacity, in_order = world.sizes.particles, world.sizes.room, world.in_order
         factor, wall, longest = world.work.factor, world.work.wall, world.lists.longest
         entries = world.lists.entries
-        first, kinds, place, numbers, fluid = met.fluids, met.kinds, in_order.position, in_order.number, in_order.fluid
+        first, kinds, place, numbers, fluid = (
+            coupling.fluids,
+            coupling.kinds,
+            in_order.position,
+            in_order.number,
+            in_order.fluid,
+        )
         _, end, _ = instants(number, parameters)
         at, slices = np.int64(part) * (SUMS * LANES), (count + LANES - 1) // LANES
         gx, gy, gz = row_at(scratch, at), row_at(scratch, at + LANES), row_at(scratch, at + 2 * LANES)
-        own, share = row_at(scratch, at + 3 * LANES), row_at(scratch, at + 4 * LANES)
+        squares, wall_part = row_at(scratch, at + 3 * LANES), row_at(scratch, at + 4 * LANES)
         for s in range(slices * part // shared, slices * (part + 1) // shared):
             base = np.int64(s) * LANES
             for lane in range(LANES):
-                gx[lane], gy[lane], gz[lane], own[lane] = zero, zero, zero, zero
+                gx[lane], gy[lane], gz[lane], squares[lane] = zero, zero, zero, zero
             gradients(
-                longest[s], base, row_at(entries, base * most), place, row_at(place, room), row_at(place, 2 * room),
-                *own_of(place, room, base), parameters.support, parameters.inverse_support, parameters.gradient_scale, kinds,
-                row_at(kinds, K_LIGHTNESS * room), gx, gy, gz, own,
+                longest[s], base, row_at(entries, base * most), place, row_at(place, capacity),
+                row_at(place, 2 * capacity), *vector_at(place, capacity, base), parameters.support,
+                parameters.inverse_support, parameters.gradient_scale, kinds, row_at(kinds, K_LIGHTNESS * capacity), gx,
+                gy, gz, squares,
             )  # fmt: skip
             if has_walls:
                 wall_rows(
-                    bodies, kinds_of, end, parameters, *own_of(place, room, base), share, *own_of(wall, room, base)
+                    bodies, kinds_of, end, parameters, *vector_at(place, capacity, base), wall_part,
+                    *vector_at(wall, capacity, base)
                 )  # fmt: skip
             factor_rows(
-                parameters.relaxation, parameters.softness, row_at(fluid, base), fluids, gx, gy, gz, own,
-                *own_of(wall, room, base), row_at(factor, base), row_at(world.work.multiplier, base),
+                parameters.relaxation, parameters.softness, row_at(fluid, base), fluids, gx, gy, gz, squares,
+                *vector_at(wall, capacity, base), row_at(factor, base), row_at(world.work.multiplier, base),
             )  # fmt: skip
             for i in range(base, min(base + LANES, count)):
                 if numbers[i] >= first:
@@ -161,36 +179,37 @@ def _make_factors(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
 
 def _make_constrain(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    densities, own_of = make_solid_pairs(compiler, real, parts).densities, make_scratch(compiler).own
+    densities, vector_at = make_solid_pairs(compiler, real, parts).densities, make_scratch(compiler).vector_at
     wall_rows, instants = make_wall_rows(compiler, real, parts), make_instants(compiler, real, parts)
     relax, most, has_walls, zero = (
         make_rows(compiler, real, parts - {"averaged"}).relax, MAX_NEIGHBOURS[AXES], "walls" in parts, real(0)
     )  # fmt: skip
 
     @compiler.compiled
-    def constrain(part, shared, number, place, world, met, scratch, parameters, bodies, kinds_of):
+    def constrain(part, shared, number, place, world, coupling, scratch, parameters, bodies, kinds_of):
         """Evaluate the constraints at the positions `place`, and the changes of their multipliers; 0 for samples."""
-        count, room, multiplier = world.sizes.particles, world.sizes.room, world.work.multiplier
+        count, capacity, multiplier = world.sizes.particles, world.sizes.room, world.work.multiplier
         delta, error, wall, lists = world.work.delta, world.work.error, world.work.wall, world.lists
-        first, kinds, numbers = met.fluids, met.kinds, world.in_order.number
+        first, kinds, numbers = coupling.fluids, coupling.kinds, world.in_order.number
         longest, entries, slices = lists.longest, lists.entries, (count + LANES - 1) // LANES
         _, end, _ = instants(number, parameters)
         at = np.int64(part) * (SUMS * LANES)
-        total, share = row_at(scratch, at), row_at(scratch, at + 4 * LANES)
+        total, wall_part = row_at(scratch, at), row_at(scratch, at + 4 * LANES)
         for s in range(slices * part // shared, slices * (part + 1) // shared):
             base = np.int64(s) * LANES
             for lane in range(LANES):
                 total[lane] = zero
             densities(
-                longest[s], row_at(entries, base * most), place, row_at(place, room), row_at(place, 2 * room),
-                *own_of(place, room, base), parameters.inverse_support, kinds, total,
+                longest[s], row_at(entries, base * most), place, row_at(place, capacity), row_at(place, 2 * capacity),
+                *vector_at(place, capacity, base), parameters.inverse_support, kinds, total,
             )  # fmt: skip
             if has_walls:
                 wall_rows(
-                    bodies, kinds_of, end, parameters, *own_of(place, room, base), share, *own_of(wall, room, base)
+                    bodies, kinds_of, end, parameters, *vector_at(place, capacity, base), wall_part,
+                    *vector_at(wall, capacity, base)
                 )  # fmt: skip
             relax(
-                parameters.lattice_sum, parameters.density_scale, total, share, row_at(world.work.factor, base),
+                parameters.lattice_sum, parameters.density_scale, total, wall_part, row_at(world.work.factor, base),
                 row_at(multiplier, base), row_at(delta, base), row_at(error, base),
             )  # fmt: skip
             for i in range(base, min(base + LANES, count)):
@@ -201,7 +220,7 @@ def _make_constrain(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any
 
 
 def _make_correct(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    compiled, f, own_of = compiler.compiled, density.make(real, compiler.compiled), make_scratch(compiler).own
+    compiled, f, vector_at = compiler.compiled, density.make(real, compiler.compiled), make_scratch(compiler).vector_at
     wall_added, moved, most = f.wall_added, f.moved, MAX_NEIGHBOURS[AXES]
     pairs, touch = make_solid_pairs(compiler, real, parts), make_collide_mass(compiler, real, parts)
     corrections, frictions = pairs.corrections, pairs.frictions
@@ -209,11 +228,11 @@ def _make_correct(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     row_of, zero = compiled(make_row_of(parts)), real(0)
 
     @compiled
-    def correct(part, shared, number, place, there, world, met, scratch, parameters, fluids, bodies, kinds_of):
+    def correct(part, shared, number, place, there, world, coupling, scratch, parameters, fluids, bodies, kinds_of):
         """Correct the positions `place` and store them in `there`; store the shifts of samples."""
-        count, room, in_order, delta = world.sizes.particles, world.sizes.room, world.in_order, world.work.delta
+        count, capacity, in_order, delta = world.sizes.particles, world.sizes.room, world.in_order, world.work.delta
         wall, lists = world.work.wall, world.lists
-        first, kinds, slots, shift = met.fluids, met.kinds, met.slots, met.shift
+        first, kinds, slots, shift = coupling.fluids, coupling.kinds, coupling.slots, coupling.shift
         before, numbers, fluid = in_order.before, in_order.number, in_order.fluid
         neighbours, longest, entries, slices = (
             lists.neighbours,
@@ -223,38 +242,38 @@ def _make_correct(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
         )
         at, many = np.int64(part) * (SUMS * LANES), slots.size
         ax, ay, az = row_at(scratch, at), row_at(scratch, at + LANES), row_at(scratch, at + 2 * LANES)
-        grip, lightness = row_at(kinds, K_GRIP * room), row_at(kinds, K_LIGHTNESS * room)
+        grip, lightness = row_at(kinds, K_GRIP * capacity), row_at(kinds, K_LIGHTNESS * capacity)
         for s in range(slices * part // shared, slices * (part + 1) // shared):
             base = np.int64(s) * LANES
             for lane in range(LANES):
                 ax[lane], ay[lane], az[lane] = zero, zero, zero
             corrections(
-                longest[s], base, row_at(entries, base * most), place, row_at(place, room), row_at(place, 2 * room), delta,
-                kinds, grip, *own_of(place, room, base), row_at(delta, base), row_at(kinds, base), row_at(grip, base),
-                parameters.support, parameters.inverse_support, parameters.gradient_scale, parameters.tensile,
-                parameters.inverse_tensile, ax, ay, az,
+                longest[s], base, row_at(entries, base * most), place, row_at(place, capacity),
+                row_at(place, 2 * capacity), delta, kinds, grip, *vector_at(place, capacity, base), row_at(delta, base),
+                row_at(kinds, base), row_at(grip, base), parameters.support, parameters.inverse_support,
+                parameters.gradient_scale, parameters.tensile, parameters.inverse_tensile, ax, ay, az,
             )  # fmt: skip
             for lane in range(min(LANES, count - base)):
                 i = base + lane
                 cx, cy, cz = frictions(
-                    i, neighbours[i], row_at(entries, base * most + lane), room, place, before, parameters.inverse_support,
-                    grip, lightness, fluid, fluids, ax[lane], ay[lane], az[lane],
+                    i, neighbours[i], row_at(entries, base * most + lane), capacity, place, before,
+                    parameters.inverse_support, grip, lightness, fluid, fluids, ax[lane], ay[lane], az[lane],
                 )  # fmt: skip
-                px, py, pz = place[i], place[room + i], place[2 * room + i]
+                px, py, pz = place[i], place[capacity + i], place[2 * capacity + i]
                 sample = np.int64(numbers[i]) - first
                 if sample >= 0:
                     shift[sample], shift[many + sample], shift[2 * many + sample] = cx, cy, cz
                 else:
                     weight = fluids[row_of(fluid, i) + F_WEIGHT]
                     if has_walls:
-                        cx, cy = wall_added(cx, delta[i], wall[i]), wall_added(cy, delta[i], wall[room + i])
-                        cz = wall_added(cz, delta[i], wall[2 * room + i])
+                        cx, cy = wall_added(cx, delta[i], wall[i]), wall_added(cy, delta[i], wall[capacity + i])
+                        cz = wall_added(cz, delta[i], wall[2 * capacity + i])
                     px, py, pz = moved(px, weight, cx), moved(py, weight, cy), moved(pz, weight, cz)
                     if has_bodies:
-                        a = before[i], before[room + i], before[2 * room + i]
+                        a = before[i], before[capacity + i], before[2 * capacity + i]
                         (px, py, pz), _ = touch(
                             bodies, kinds_of, number, parameters, a, (px, py, pz), (zero, zero, zero)
                         )  # fmt: skip
-                there[i], there[room + i], there[2 * room + i] = px, py, pz
+                there[i], there[capacity + i], there[2 * capacity + i] = px, py, pz
 
     return correct

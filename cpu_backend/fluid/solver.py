@@ -64,16 +64,16 @@ class Fluid(ParticlesSimulation):
     def _allocate(self) -> None:
         """Allocate the arrays of the kernels.
 
-        A plane has `room` numbers: for all particles, for the unfilled lanes of the last slice, and for `nobody`, which
+        A plane has `capacity` numbers: for all particles, for the unfilled lanes of the last slice, and for `nobody`, which
         is far away.
         """
         real, count, bands = self.real, self._particles, self._bands
         slices = -(-count // LANES)
         nobody = slices * LANES
-        self._room = room = nobody + LANES
+        self._capacity = capacity = nobody + LANES
 
         def planes(kind: Any = real, many: int = AXES) -> np.ndarray:
-            return aligned_zeros(many * room + LANES, kind)
+            return aligned_zeros(many * capacity + LANES, kind)
 
         def places() -> np.ndarray:
             """Allocate planes of positions with the quads behind them."""
@@ -94,14 +94,14 @@ class Fluid(ParticlesSimulation):
         lists = Lists(planes(np.int32, 1), np.zeros(slices, np.int32), entries, self._counts)
         for array in (in_order.position, work.next):
             for axis in range(self.scene.dimensions):
-                array[axis * room + nobody : (axis + 1) * room] = FAR
-                array[QUADS * room + QUAD * nobody + axis : (QUADS + QUAD) * room : QUAD] = FAR
+                array[axis * capacity + nobody : (axis + 1) * capacity] = FAR
+                array[QUADS * capacity + QUAD * nobody + axis : (QUADS + QUAD) * capacity : QUAD] = FAR
         near, who = aligned_zeros(4 * AROUND * bands, real), np.zeros(AROUND * bands + LANES, np.int32)
         scratch = Scratch(aligned_zeros(SCRATCH * LANES * bands, real), near, who, np.zeros(RUNS * bands, np.int64))
-        sizes = Sizes(count, room, nobody)
+        sizes = Sizes(count, capacity, nobody)
         self._world = arrays.Fluid(sizes, self._state, unsorted, in_order, work, table, lists, scratch)
         self._flow = self._make_flow()
-        self._kept = tuple(array.copy() for array in self._now)
+        self._snapshot = tuple(array.copy() for array in self._now)
 
     def _make_flow(self) -> Flow | None:
         """Return the arrays of emitters and sinks; None without them."""
@@ -156,7 +156,7 @@ class Fluid(ParticlesSimulation):
             return stage_run
 
         touched = "bodies", "kinds"
-        found = {
+        stages = {
             "predict": run(stage.predict, "step", "number", "world", "parameters", "fluids", "integers", *touched),
             "sort into cells": run(stage.sort, "world", "parameters", *(("flow",) if self._flow else ())),
             "find neighbours": run(stage.find, "number", "world", "parameters", "fluids", *touched),
@@ -166,10 +166,10 @@ class Fluid(ParticlesSimulation):
             "limit velocities": run(stage.finish, "last", "world", "parameters", "fluids"),
         }
         if "emitter" in self.plan.parts:
-            found["emit"] = run(stage.emit, "number", "world", "parameters", "flow")
+            stages["emit"] = run(stage.emit, "number", "world", "parameters", "flow")
         if self.plan.parts & SHAPES:
-            found["normals and vorticity"] = run(stage.shape, "last", "world", "parameters")
-        return found
+            stages["normals and vorticity"] = run(stage.shape, "last", "world", "parameters")
+        return stages
 
     # ------------------------------------------------------------------ diagnostics
 
@@ -185,9 +185,9 @@ class Fluid(ParticlesSimulation):
 
     def _by_number(self, array: np.ndarray) -> np.ndarray:
         """Return (particles,) values by number from an array in the order of cells; 0 for inactive particles."""
-        found = np.zeros(self._particles, array.dtype)
-        found[self._state.number[: self.there]] = array[: self.there]
-        return found
+        by_number = np.zeros(self._particles, array.dtype)
+        by_number[self._state.number[: self.there]] = array[: self.there]
+        return by_number
 
     def _multipliers(self) -> np.ndarray:
         """Return (particles,) the multipliers of the last substep [m^2] (`pressures` of model/fluid/measure.py)."""
@@ -196,17 +196,17 @@ class Fluid(ParticlesSimulation):
     # ------------------------------------------------------------------ the contract
 
     def _store_snapshot(self) -> None:
-        for kept, array in zip(self._kept, self._now, strict=True):
-            kept[:] = array
+        for stored, array in zip(self._snapshot, self._now, strict=True):
+            stored[:] = array
 
     def _restore(self) -> None:
-        for kept, array in zip(self._kept, self._now, strict=True):
-            array[:] = kept
+        for stored, array in zip(self._snapshot, self._now, strict=True):
+            array[:] = stored
 
     def _places(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
         slots = np.full(self._particles, self._world.sizes.nobody)  # the slot of `nobody`, which has zeros
         slots[self._state.number[: self.there]] = np.arange(self.there)
-        return self._state.position, self._state.velocity, slots, self._room
+        return self._state.position, self._state.velocity, slots, self._capacity
 
     def _parameters_changed(self) -> None:
         self.integers[POKED] = self._poke_particle + 1
@@ -215,22 +215,22 @@ class Fluid(ParticlesSimulation):
             self._flow.emitters[:] = emitter_rows(self.scene, self._emitter_state, self.real).reshape(-1)
 
     def _download(self) -> tuple[np.ndarray, np.ndarray]:
-        axes, room, count = self.scene.dimensions, self._room, self.there
-        number, found = self._state.number[:count], []
+        axes, capacity, count = self.scene.dimensions, self._capacity, self.there
+        number, arrays = self._state.number[:count], []
         for array, waiting in zip(self._state[:2], (PARKED, 0.0), strict=True):
             values = np.full((self._particles, axes), waiting, self.real)
-            values[number] = array[: axes * room].reshape(axes, room)[:, :count].T
-            found.append(values)
-        return found[0], found[1]
+            values[number] = array[: axes * capacity].reshape(axes, capacity)[:, :count].T
+            arrays.append(values)
+        return arrays[0], arrays[1]
 
     def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
-        axes, room, found = self.scene.dimensions, self._room, self.scene.fluid_set
-        number = np.flatnonzero(found.there(position))
+        axes, capacity, fluid_set = self.scene.dimensions, self._capacity, self.scene.fluid_set
+        number = np.flatnonzero(fluid_set.there(position))
         for array, values in zip(self._state[:2], (position, velocity), strict=True):
-            array[: axes * room].reshape(axes, room)[:, : len(number)] = values[number].T
-        self._state.number[: len(number)], self._state.fluid[: len(number)] = number, found.fluid[number]
+            array[: axes * capacity].reshape(axes, capacity)[:, : len(number)] = values[number].T
+        self._state.number[: len(number)], self._state.fluid[: len(number)] = number, fluid_set.fluid[number]
         if self._flow:
-            self._flow.particles[0], self._flow.active[:] = len(number), found.there(position)
+            self._flow.particles[0], self._flow.active[:] = len(number), fluid_set.there(position)
 
     @property
     def not_emitted(self) -> int:

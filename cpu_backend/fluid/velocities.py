@@ -33,42 +33,42 @@ def make_velocities(compiler: Compiler, real: Any, parts: frozenset[str], sides_
     @compiled
     def shape(part, shared, place, world, parameters):
         """Write normals and vorticity into the unsorted planes of positions."""
-        count, room, unsorted = world.sizes.particles, world.sizes.room, world.unsorted
+        count, capacity, unsorted = world.sizes.particles, world.sizes.room, world.unsorted
         in_order, neighbours = world.in_order, world.lists.neighbours
-        sides, meant = sides_of(parameters), in_order.velocity
+        sides, predicted_velocity = sides_of(parameters), in_order.velocity
         for i in range(count * part // shared, count * (part + 1) // shared):
-            own = row_at(world.lists.entries, np.int64(i // LANES) * (LANES * most) + i % LANES)
+            entry_row = row_at(world.lists.entries, np.int64(i // LANES) * (LANES * most) + i % LANES)
             shape_of(
-                i, neighbours[i], own, room, place, meant, unsorted.before, unsorted.position, sides, parameters,
-                in_order.fluid,
+                i, neighbours[i], entry_row, capacity, place, predicted_velocity, unsorted.before, unsorted.position,
+                sides, parameters, in_order.fluid,
             )  # fmt: skip
 
     @compiled
     def finish(part, shared, place, world, parameters, fluids):
         """Write the new state: velocities after neighbours, drag and the speed limit."""
-        count, room, unsorted = world.sizes.particles, world.sizes.room, world.unsorted
+        count, capacity, unsorted = world.sizes.particles, world.sizes.room, world.unsorted
         in_order, neighbours = world.in_order, world.lists.neighbours
         position, velocity, number, fluid = world.state
-        sides, meant, error = sides_of(parameters), in_order.velocity, world.work.error
+        sides, predicted_velocity, error = sides_of(parameters), in_order.velocity, world.work.error
         for i in range(count * part // shared, count * (part + 1) // shared):
             row = row_of(in_order.fluid, i)
             if smooths:
-                own = row_at(world.lists.entries, np.int64(i // LANES) * (LANES * most) + i % LANES)
+                entry_row = row_at(world.lists.entries, np.int64(i // LANES) * (LANES * most) + i % LANES)
                 u, v, w = smooth_of(
-                    i, neighbours[i], own, room, place, meant, unsorted.before, unsorted.position, sides, parameters,
-                    in_order.fluid, fluids,
+                    i, neighbours[i], entry_row, capacity, place, predicted_velocity, unsorted.before,
+                    unsorted.position, sides, parameters, in_order.fluid, fluids,
                 )  # fmt: skip
             else:
-                u, v, w = meant[i], meant[room + i], meant[2 * room + i]
+                u, v, w = predicted_velocity[i], predicted_velocity[capacity + i], predicted_velocity[2 * capacity + i]
             if has_drag:
                 h, drag, surface = parameters.dt, fluids[row + F_DRAG], fluids[row + F_SURFACE_DRAG]
                 u, v = braked(u, h, drag, surface, error[i]), braked(v, h, drag, surface, error[i])
                 w = braked(w, h, drag, surface, error[i])
             speed, fastest = speed_of(u, v, w), fluids[row + F_SPEED]
-            velocity[i], velocity[room + i] = slowed(u, speed, fastest), slowed(v, speed, fastest)
-            velocity[2 * room + i] = slowed(w, speed, fastest)
+            velocity[i], velocity[capacity + i] = slowed(u, speed, fastest), slowed(v, speed, fastest)
+            velocity[2 * capacity + i] = slowed(w, speed, fastest)
             for axis in range(AXES):
-                position[axis * room + i] = place[axis * room + i]
+                position[axis * capacity + i] = place[axis * capacity + i]
             number[i] = in_order.number[i]
             if several:
                 fluid[i] = in_order.fluid[i]
@@ -78,45 +78,57 @@ def make_velocities(compiler: Compiler, real: Any, parts: frozenset[str], sides_
 
 def _make_update(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     compiled, m = compiler.compiled, motion.make(real, compiler.compiled)
-    velocity_of, held_back, speed_of = m.velocity_of, m.limited_change, m.speed_of
+    velocity_of, limited_change, speed_of = m.velocity_of, m.limited_change, m.speed_of
     collide, scratch_of = make_collide_row(compiler, real, parts), make_scratch(compiler)
-    sums_of, own_of, row_of = scratch_of.sums_of, scratch_of.own, compiled(make_row_of(parts))
-    has_bodies, is_held, blocks = bool(parts & set(COLLIDER_KINDS)), "held-back" in parts, LANES // block_of(real)
+    sums_of, vector_at, row_of = scratch_of.sums_of, scratch_of.vector_at, compiled(make_row_of(parts))
+    has_bodies, is_limited, blocks = bool(parts & set(COLLIDER_KINDS)), "held-back" in parts, LANES // block_of(real)
     at_walls = _make_at_walls(compiler, real, parts)
 
     @compiler.row
-    def velocities(rate, fluid, fluids, px, py, pz, bx, by, bz, meant_x, meant_y, meant_z, x, y, z, u, v, w):
+    def velocities(
+        rate, fluid, fluids, px, py, pz, bx, by, bz, predicted_u, predicted_v, predicted_w, x, y, z, u, v, w
+    ):
         for lane in range(LANES):
             x[lane], y[lane], z[lane] = px[lane], py[lane], pz[lane]
             a, b = velocity_of(px[lane], bx[lane], rate), velocity_of(py[lane], by[lane], rate)
             c = velocity_of(pz[lane], bz[lane], rate)
-            if is_held:
-                ma, mb, mc = meant_x[lane], meant_y[lane], meant_z[lane]
+            if is_limited:
+                ma, mb, mc = predicted_u[lane], predicted_v[lane], predicted_w[lane]
                 far, most_change = speed_of(a - ma, b - mb, c - mc), fluids[row_of(fluid, lane) + F_CHANGE]
-                a, b = held_back(a, ma, far, most_change), held_back(b, mb, far, most_change)
-                c = held_back(c, mc, far, most_change)
+                a, b = limited_change(a, ma, far, most_change), limited_change(b, mb, far, most_change)
+                c = limited_change(c, mc, far, most_change)
             u[lane], v[lane], w[lane] = a, b, c
 
     @compiled
     def update(part, shared, number, place, world, parameters, fluids, bodies, kinds):
-        """Derive velocities from positions and colliders, and write them into `meant`, which no other phase reads."""
-        count, room, in_order = world.sizes.particles, world.sizes.room, world.in_order
-        before, meant, fluid, slices = in_order.before, in_order.velocity, in_order.fluid, (count + LANES - 1) // LANES
+        """Derive velocities from positions and colliders, and write them into `predicted_velocity`,
+        which no other phase reads."""
+        count, capacity, in_order = world.sizes.particles, world.sizes.room, world.in_order
+        before, predicted_velocity, fluid, slices = (
+            in_order.before,
+            in_order.velocity,
+            in_order.fluid,
+            (count + LANES - 1) // LANES,
+        )
         sums = sums_of(part, world.scratch.sums)
         x, y, z, u, v, w = sums
         for s in range(slices * part // shared, slices * (part + 1) // shared):
             base = np.int64(s) * LANES
             velocities(
-                parameters.inverse_dt, row_at(fluid, base), fluids, *own_of(place, room, base), *own_of(before, room, base),
-                *own_of(meant, room, base), *sums,
+                parameters.inverse_dt, row_at(fluid, base), fluids, *vector_at(place, capacity, base),
+                *vector_at(before, capacity, base), *vector_at(predicted_velocity, capacity, base), *sums,
             )  # fmt: skip
             if has_bodies:
                 at_walls(base, number, world, parameters, fluids, bodies, kinds, *sums)
-                collide(bodies, kinds, number, parameters, blocks, before, base, room, x, np.int64(0), LANES)
+                collide(bodies, kinds, number, parameters, blocks, before, base, capacity, x, np.int64(0), LANES)
             for lane in range(LANES):
                 i = base + lane
-                place[i], place[room + i], place[2 * room + i] = x[lane], y[lane], z[lane]
-                meant[i], meant[room + i], meant[2 * room + i] = u[lane], v[lane], w[lane]
+                place[i], place[capacity + i], place[2 * capacity + i] = x[lane], y[lane], z[lane]
+                predicted_velocity[i], predicted_velocity[capacity + i], predicted_velocity[2 * capacity + i] = (
+                    u[lane],
+                    v[lane],
+                    w[lane],
+                )
 
     return update
 
@@ -127,19 +139,19 @@ def _make_at_walls(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     It updates the velocities (u, v, w) of a slice at (x, y, z) for impacts on colliders, without the rebound from
     walls.
     """
-    compiled, made = compiler.compiled, make_impact(compiler, real, parts)
-    impact_of, settled, row_of = made.impact, made.settled, compiled(make_row_of(parts))
+    compiled, impacts = compiler.compiled, make_impact(compiler, real, parts)
+    impact_of, settled, row_of = impacts.impact, impacts.settled, compiled(make_row_of(parts))
 
     @compiled
     def at_walls(base, number, world, parameters, fluids, bodies, kinds, x, y, z, u, v, w):
-        room, in_order = world.sizes.room, world.in_order
-        before, meant = in_order.before, in_order.velocity
+        capacity, in_order = world.sizes.room, world.in_order
+        before, predicted_velocity = in_order.before, in_order.velocity
         for lane in range(min(LANES, world.sizes.particles - base)):
             i, row = base + lane, row_of(in_order.fluid, base + lane)
             qx, qy, qz, mx, my, mz, vx, vy, vz = impact_of(
-                bodies, kinds, number, parameters, before[i], before[room + i], before[2 * room + i], meant[i],
-                meant[room + i], meant[2 * room + i], x[lane], y[lane], z[lane], u[lane], v[lane], w[lane],
-                fluids[row + F_CHANGE],
+                bodies, kinds, number, parameters, before[i], before[capacity + i], before[2 * capacity + i],
+                predicted_velocity[i], predicted_velocity[capacity + i], predicted_velocity[2 * capacity + i], x[lane],
+                y[lane], z[lane], u[lane], v[lane], w[lane], fluids[row + F_CHANGE],
             )  # fmt: skip
             u[lane], v[lane], w[lane] = settled(
                 bodies, kinds, number, parameters, qx, qy, qz, vx, vy, vz, mx, my, mz, world.work.multiplier[i],

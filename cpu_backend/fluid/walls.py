@@ -34,7 +34,7 @@ from softlab.model.formulas.fluid import density, surfaces
 
 
 def make_wall_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """Make wall_rows(bodies, kinds, time, parameters, x, y, z, share, gx, gy, gz).
+    """Make wall_rows(bodies, kinds, time, parameters, x, y, z, wall_part, gx, gy, gz).
 
     It writes what all colliders at `time` [s] contribute to the density of LANES particles, and its gradient.
     """
@@ -45,24 +45,24 @@ def make_wall_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     zero = real(0)
 
     @compiler.compiled
-    def wall_rows(bodies, kinds, time, parameters, x, y, z, share, gx, gy, gz):
+    def wall_rows(bodies, kinds, time, parameters, x, y, z, wall_part, gx, gy, gz):
         for lane in range(LANES):
-            share[lane], gx[lane], gy[lane], gz[lane] = zero, zero, zero, zero
+            wall_part[lane], gx[lane], gy[lane], gz[lane] = zero, zero, zero, zero
         scales = parameters.support, parameters.inverse_wall, parameters.wall_scale, parameters.wall_gradient
         for b in range(kinds.size):
             body = row_at(bodies, np.int64(b * COLLIDER_FIELDS))
             if has_plane and kinds[b] == PLANE:
-                plane(body, time, *scales, x, y, z, share, gx, gy, gz)
+                plane(body, time, *scales, x, y, z, wall_part, gx, gy, gz)
             if has_sphere and kinds[b] == SPHERE:
-                sphere(body, time, *scales, x, y, z, share, gx, gy, gz)
+                sphere(body, time, *scales, x, y, z, wall_part, gx, gy, gz)
             if has_capsule and kinds[b] == CAPSULE:
-                capsule(body, time, *scales, x, y, z, share, gx, gy, gz)
+                capsule(body, time, *scales, x, y, z, wall_part, gx, gy, gz)
             if has_box and kinds[b] == BOX:
-                box(body, time, *scales, x, y, z, share, gx, gy, gz)
+                box(body, time, *scales, x, y, z, wall_part, gx, gy, gz)
             if has_mesh and kinds[b] == MESH:
-                mesh(body, time, *scales, x, y, z, share, gx, gy, gz)
+                mesh(body, time, *scales, x, y, z, wall_part, gx, gy, gz)
             if has_field and kinds[b] == FIELD:
-                field(body, time, *scales, x, y, z, share, gx, gy, gz)
+                field(body, time, *scales, x, y, z, wall_part, gx, gy, gz)
 
     return wall_rows
 
@@ -70,7 +70,7 @@ def make_wall_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 def make_aways(compiler: Compiler, real: Any, parts: frozenset[str]) -> dict[str, Any]:
     """Make, by kind, away(body, time, reach, x, y, z) -> (distance, normal) of a position from a collider's surface.
 
-    Colliders made from a mesh return `reach` where the surface is farther.
+    Colliders made from a mesh return `max_distance` where the surface is farther.
     """
     compiled, distances = compiler.compiled, colliders.make(real, compiler.compiled)
     plane, sphere, capsule, box = distances.plane, distances.sphere, distances.capsule, distances.box
@@ -78,36 +78,36 @@ def make_aways(compiler: Compiler, real: Any, parts: frozenset[str]) -> dict[str
 
     def of_surface(away_from: Any) -> Any:
         @compiled
-        def away(body, time, reach, x, y, z):
+        def away(body, time, max_distance, x, y, z):
             return away_from(
                 body, np.int32(body[B_TREE]), body[B_X], body[B_Y], body[B_Z], body[B_VX], body[B_VY], body[B_VZ],
-                body[B_U], body[B_V], body[B_W], body[B_SPIN], body[B_TURNS], time, x, y, z, reach,
+                body[B_U], body[B_V], body[B_W], body[B_SPIN], body[B_TURNS], time, x, y, z, max_distance,
             )  # fmt: skip
 
         return away
 
     @compiled
-    def from_plane(body, time, reach, x, y, z):
+    def from_plane(body, time, max_distance, x, y, z):
         cx, cy, cz = point(body, time)
         return plane(x - cx, y - cy, z - cz, body[B_U], body[B_V], body[B_W])
 
     @compiled
-    def from_sphere(body, time, reach, x, y, z):
+    def from_sphere(body, time, max_distance, x, y, z):
         cx, cy, cz = point(body, time)
         return sphere(x - cx, y - cy, z - cz, body[B_RADIUS])
 
     @compiled
-    def from_capsule(body, time, reach, x, y, z):
+    def from_capsule(body, time, max_distance, x, y, z):
         cx, cy, cz = point(body, time)
         return capsule(x - cx, y - cy, z - cz, body[B_U], body[B_V], body[B_W], body[B_RADIUS])
 
     @compiled
-    def from_box(body, time, reach, x, y, z):
+    def from_box(body, time, max_distance, x, y, z):
         cx, cy, cz = point(body, time)
         return box(x - cx, y - cy, z - cz, body[B_U], body[B_V], body[B_W])
 
-    found = from_plane, from_sphere, from_capsule, from_box, of_surface(surface.mesh_collider)
-    return dict(zip(WALLS, (*found, of_surface(surface.distance_field)), strict=True))
+    aways = from_plane, from_sphere, from_capsule, from_box, of_surface(surface.mesh_collider)
+    return dict(zip(WALLS, (*aways, of_surface(surface.distance_field)), strict=True))
 
 
 def _make_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
@@ -122,16 +122,16 @@ def _make_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
     def row_of(away: Any) -> Any:
         @compiler.row
-        def row(body, time, support, inverse_range, scale, gradient, x, y, z, share, gx, gy, gz):
+        def row(body, time, support, inverse_range, scale, gradient, x, y, z, wall_part, gx, gy, gz):
             thickness = body[B_THICKNESS]
             for lane in range(LANES):
                 distance, nx, ny, nz = away(body, time, support + thickness, x[lane], y[lane], z[lane])
                 t = wall_near(beyond(distance, thickness), inverse_range)
                 more, slope = wall_density(t, scale), wall_slope(t, gradient)
-                gx[lane] = joined_gradient(gx[lane], share[lane], slope, more, nx)
-                gy[lane] = joined_gradient(gy[lane], share[lane], slope, more, ny)
-                gz[lane] = joined_gradient(gz[lane], share[lane], slope, more, nz)
-                share[lane] = joined_density(share[lane], more)
+                gx[lane] = joined_gradient(gx[lane], wall_part[lane], slope, more, nx)
+                gy[lane] = joined_gradient(gy[lane], wall_part[lane], slope, more, ny)
+                gz[lane] = joined_gradient(gz[lane], wall_part[lane], slope, more, nz)
+                wall_part[lane] = joined_density(wall_part[lane], more)
 
         return row
 

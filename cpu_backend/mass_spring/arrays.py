@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-Absent = tuple[()]
+Empty = tuple[()]
 
 
 class Passes(NamedTuple):
@@ -27,8 +27,8 @@ class Sheet(NamedTuple):
     integers: np.ndarray
     pin_start: np.ndarray
     pin_column: np.ndarray
-    bodies: np.ndarray | Absent = ()
-    kinds: np.ndarray | Absent = ()
+    bodies: np.ndarray | Empty = ()
+    kinds: np.ndarray | Empty = ()
 
 
 class ImplicitArrays(NamedTuple):

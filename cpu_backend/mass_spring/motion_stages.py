@@ -76,12 +76,12 @@ def make_motion_stages(compiler: Compiler, real: Any, integrator: str, has_dampi
 
 
 def bind_motion(
-    sim: Any, make: SimpleNamespace, at: dict[str, Any], state: Any, acceleration: Any, keep: Callable[[], None]
+    sim: Any, make: SimpleNamespace, at: dict[str, Any], state: Any, acceleration: Any, store: Callable[[], None]
 ) -> dict[str, StageRun]:
     """Return the functions of these stages of `sim`.
 
     `state`: one array per unknown, positions first; `at["state"]`: the state at which forces are evaluated, that or a
-    stage of RK4; `keep` is called before positions become those of a step's end.
+    stage of RK4; `store` is called before positions become those of a step's end.
     """
     integrator, axes = sim.scene.method.integrator, len(acceleration)
     empty = np.zeros((2 if integrator == "rk4" else 0, *sim.current.shape), sim.real)
@@ -89,7 +89,7 @@ def bind_motion(
 
     def each_axis(stage: Any) -> StageRun:
         def run(moment: Moment) -> None:
-            keep()
+            store()
             for axis in range(axes):
                 stage(state[axis], state[axes + axis], acceleration[axis], sim.record)
 
@@ -108,7 +108,7 @@ def bind_motion(
             here, out = at["state"], state if stage == 4 else stage_state
             rates = (*here[axes:], *acceleration)
             if stage == 4:
-                keep()
+                store()
             for unknown in range(2 * axes):  # velocities last: those of the stage before are the rates of the positions
                 make.accumulate(stage, state[unknown], rates[unknown], total[unknown], sim.record, out[unknown])
             at["state"] = out

@@ -91,15 +91,15 @@ class MeshPositionBased(QuadsSimulation):
             start, stop = int(starts[colour]), int(starts[colour + 1])
 
             def run(moment: Moment) -> None:
-                given = position, position, before, corners, values, multipliers, moment.fresh, self.parameters
-                kernel(bands, start, stop, *given)
+                arguments = position, position, before, corners, values, multipliers, moment.fresh, self.parameters
+                kernel(bands, start, stop, *arguments)
 
             return run
 
         def collide(moment: Moment) -> None:
             stage.collide(bands, moment.number, before, position, velocity, self.parameters, self.bodies, self.kinds)
 
-        found: dict[str, StageRun] = {
+        stages: dict[str, StageRun] = {
             "predict": predict,
             "update velocity": lambda moment: stage.update(bands, before, position, velocity, self.parameters),
             "collide": collide,
@@ -109,5 +109,5 @@ class MeshPositionBased(QuadsSimulation):
         }
         for place, one in enumerate(self._sets):
             for colour in range(one.colours):
-                found[stage_name(one.kind, one.model, colour)] = project(place, colour)
-        return found
+                stages[stage_name(one.kind, one.model, colour)] = project(place, colour)
+        return stages

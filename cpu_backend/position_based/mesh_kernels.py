@@ -14,8 +14,8 @@ from softlab.cpu_backend.contact.colliders import make_collide_mass
 from softlab.cpu_backend.contact.pins import make_drive
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.constraints import make_colours, make_projections, make_rows
-from softlab.cpu_backend.core.own_forces import make_own_force
-from softlab.cpu_backend.core.progress import shares
+from softlab.cpu_backend.core.own_forces import make_particle_force
+from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.core.scratch import cloth_variant
 from softlab.cpu_backend.core.wind import make_air, make_triangle
 from softlab.model.formulas import distance
@@ -37,8 +37,13 @@ def make_begin(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     """
     compiled = compiler.compiled
     formulas = distance.make(real, compiled)
-    kicked, kept, predicted, added = formulas.kicked, formulas.damping_factor, formulas.predicted, formulas.added
-    own = make_own_force(compiler, real, AXES, parts | {"load"})  # every mass has its weight
+    kicked, damping_factor, predicted, added = (
+        formulas.kicked,
+        formulas.damping_factor,
+        formulas.predicted,
+        formulas.added,
+    )
+    particle_force = make_particle_force(compiler, real, AXES, parts | {"load"})  # every mass has its weight
     triangle, air_now = make_triangle(compiler, real), make_air(compiler, real, parts)
     has_gravity, has_wind, has_damping = "gravity" in parts, "wind" in parts, "damping" in parts
     slowed, is_slowed = formulas.slowed, BODY_DAMPING in parts
@@ -76,14 +81,14 @@ def make_begin(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
             if has_wind:
                 fx, fy, fz = wind_of(k, air, before, velocity, parameters, wind_lists)
                 ax, ay, az = added(ax, w, fx), added(ay, w, fy), added(az, w, fz)
-            ax, ay, az = own((ax, ay, az), k, w, parameters, integers, step)
-            keep = kept(parameters.braking, w) if has_damping else one
+            ax, ay, az = particle_force((ax, ay, az), k, w, parameters, integers, step)
+            factor = damping_factor(parameters.braking, w) if has_damping else one
             if is_slowed:
                 for axis in range(AXES):
                     velocity[k, axis] = slowed(velocity[k, axis], velocity[k, 3], h)
-            position[k, 0] = predicted(before[k, 0], h, kicked(velocity[k, 0], keep, h, ax))
-            position[k, 1] = predicted(before[k, 1], h, kicked(velocity[k, 1], keep, h, ay))
-            position[k, 2] = predicted(before[k, 2], h, kicked(velocity[k, 2], keep, h, az))
+            position[k, 0] = predicted(before[k, 0], h, kicked(velocity[k, 0], factor, h, ax))
+            position[k, 1] = predicted(before[k, 1], h, kicked(velocity[k, 1], factor, h, ay))
+            position[k, 2] = predicted(before[k, 2], h, kicked(velocity[k, 2], factor, h, az))
 
     return begin
 
@@ -139,11 +144,11 @@ def make_substep(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
         bodies, driven,
     ):  # fmt: skip
         count = len(position)
-        for band in shares(team, member, bands):
+        for band in assigned(team, member, bands):
             for k in range(count * band // bands, count * (band + 1) // bands):
                 for axis in range(position.shape[1]):
                     before[k, axis] = position[k, axis]
-        for band in shares(team, member, bands):
+        for band in assigned(team, member, bands):
             first, last = count * band // bands, count * (band + 1) // bands
             begin(first, last, frame, number, before, velocity, predicted, parameters, integers, wind_lists)
             if has_motion:
@@ -153,13 +158,13 @@ def make_substep(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
     @compiler.compiled
     def closing(team, member, bands, number, position, velocity, before, parameters, bodies, kinds, driven):
         count = len(position)
-        for band in shares(team, member, bands):
+        for band in assigned(team, member, bands):
             first, last = count * band // bands, count * (band + 1) // bands
             update(first, last, before, position, velocity, parameters)
             if has_bodies:
                 collide(first, last, number, before, position, velocity, parameters, bodies, kinds)
         if has_motion:
-            for band in shares(team, member, bands):
+            for band in assigned(team, member, bands):
                 first, last = driven.size * band // bands, driven.size * (band + 1) // bands
                 drive(first, last, number, position, velocity, parameters, bodies, driven)
 
@@ -176,11 +181,11 @@ def make_mesh_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
 
     def predict(team, member, bands, step, substep, position, velocity, before, parameters, integers, wind_lists):
         count = len(position)
-        for band in shares(team, member, bands):
+        for band in assigned(team, member, bands):
             for k in range(count * band // bands, count * (band + 1) // bands):
                 for axis in range(position.shape[1]):
                     before[k, axis] = position[k, axis]
-        for band in shares(team, member, bands):
+        for band in assigned(team, member, bands):
             first, last = count * band // bands, count * (band + 1) // bands
             begin(first, last, step, substep, before, velocity, position, parameters, integers, wind_lists)
 

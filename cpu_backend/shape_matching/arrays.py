@@ -100,7 +100,7 @@ class Steps(NamedTuple):
     iterations: int
 
 
-class Own(NamedTuple):
+class ParticleClusters(NamedTuple):
     """Clusters of each particle: first of each particle, clusters, rest offsets, factors."""
 
     starts: np.ndarray
@@ -116,7 +116,7 @@ class BodyArrays(NamedTuple):
     weights: np.ndarray
     clusters: ClusterArrays
     factors: np.ndarray
-    own: Own
+    own: ParticleClusters
     rotation: np.ndarray
     frames: np.ndarray
     scratch: np.ndarray

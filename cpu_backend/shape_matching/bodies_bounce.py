@@ -12,10 +12,10 @@ import numpy as np
 from softlab.cpu_backend.contact.particles_bounce import make_passes
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
-from softlab.cpu_backend.core.progress import shares
+from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.shape_matching.damping import make_damping
 from softlab.cpu_backend.shape_matching.motions import make_motions
-from softlab.cpu_backend.shape_matching.rebound import AXES, make_answer
+from softlab.cpu_backend.shape_matching.rebound import AXES, make_response
 from softlab.model.formulas.shape_matching import rebound
 from softlab.model.formulas.shape_matching.pace import MOTION
 
@@ -40,12 +40,12 @@ def make_transfers(compiler: Compiler, real: Any) -> SimpleNamespace:
                     scales[x], scales[y], scales[z] = motion[0], motion[1], motion[2]
 
     @compiler.compiled
-    def join(first, last, position, velocity, count, arrays, struck):
-        """Add the motions of clusters to velocities, or the impulse `struck` for a particle without a cluster."""
+    def join(first, last, position, velocity, count, arrays, impulses):
+        """Add the motions of clusters to velocities, or the impulse `impulses` for a particle without a cluster."""
         whole = arrays.rebound
         for k in range(first, last):
             x, y, z = k, count + k, 2 * count + k
-            a, b, c = struck[x], struck[y], struck[z]
+            a, b, c = impulses[x], impulses[y], impulses[z]
             for n in range(whole.starts[k], whole.starts[k + 1]):
                 if whole.factors[n] != zero:
                     motion = motion_of(whole.motions, whole.clusters[n])
@@ -56,31 +56,31 @@ def make_transfers(compiler: Compiler, real: Any) -> SimpleNamespace:
     return SimpleNamespace(spread=spread, join=join)
 
 
-def make_strikes(compiler: Compiler, real: Any, scaled: bool) -> Any:
-    """Make strike_all(team, member, bands, position, old, velocity, weights, record, lists, contacts, struck,
+def make_impulses(compiler: Compiler, real: Any, scaled: bool) -> Any:
+    """Make apply_all(team, member, bands, position, old, velocity, weights, record, lists, contacts, impulses,
     scales, travel).
 
-    It writes the velocity changes of bouncing particles into `struck` (particles_bounce.make_passes).
+    It writes the velocity changes of bouncing particles into `impulses` (particles_bounce.make_passes).
     """
     push, zero = make_passes(compiler, real, scaled, True).push, real(0)
 
     @compiler.compiled
-    def strike(band, count, lists, contacts, struck):
+    def store_impulses(band, count, lists, contacts, impulses):
         for n in range(lists.begins[band], lists.begins[band] + lists.active[band]):
             i = lists.who[n]
             for axis in range(AXES):
-                struck[axis * count + i] = contacts.moves[AXES * n + axis] if contacts.counts[i] != zero else zero
+                impulses[axis * count + i] = contacts.moves[AXES * n + axis] if contacts.counts[i] != zero else zero
 
     @compiler.compiled
-    def strike_all(
-        team, member, bands, position, old, velocity, weights, record, lists, contacts, struck, scales,
+    def apply_all(
+        team, member, bands, position, old, velocity, weights, record, lists, contacts, impulses, scales,
         travel,
     ):  # fmt: skip
-        for band in shares(team, member, bands):
+        for band in assigned(team, member, bands):
             push(band, weights.size, position, old, velocity, weights, record, lists, contacts, scales, travel)
-            strike(band, weights.size, lists, contacts, struck)
+            store_impulses(band, weights.size, lists, contacts, impulses)
 
-    return strike_all
+    return apply_all
 
 
 @cache
@@ -91,67 +91,70 @@ def make_bodies_bounce(real: Any, math: str) -> Any:
     As `make_bounce` of contact/particles_bounce.py. `arrays`: those of clusters. `pitch`: numbers in a band's scratch.
     """
     compiler = Compiler(f"bodies_bounce_all_{np.dtype(real).name}_{math}", math)
-    answer = make_answer(compiler, real, True).answer
-    gather, tell = make_damping(compiler, real, True).gather, make_passes(compiler, real, False, True).tell
-    strike_all, strike_scaled = (make_strikes(compiler, real, scaled) for scaled in (False, True))
+    respond = make_response(compiler, real, True).response
+    gather, count_contacts = (
+        make_damping(compiler, real, True).gather,
+        make_passes(compiler, real, False, True).count_contacts,
+    )
+    apply_all, apply_scaled = (make_impulses(compiler, real, scaled) for scaled in (False, True))
     transfers = make_transfers(compiler, real)
     spread, join = transfers.spread, transfers.join
     joined, zero, one = rebound.make(real, compiler.compiled).joined, real(0), real(1)
 
     @compiler.compiled
-    def meet(bands, scratch, pitch):
+    def any_contacts(bands, scratch, pitch):
         """Return True if any band has a contact; each band stores that in the last number of its scratch."""
-        found = False
+        touching = False
         for band in range(bands):
-            found = found or scratch[pitch * (band + 1) - 1] != zero
-        return found
+            touching = touching or scratch[pitch * (band + 1) - 1] != zero
+        return touching
 
     @compiler.compiled
     def gather_all(team, member, bands, position, velocity, count, arrays, scratch, pitch):
         """Compute the motions of the bodies that rebound as a whole."""
         limits = arrays.rebound.limits
-        for band in shares(team, member, bands):
-            room = row_at(scratch, np.int64(pitch * band))
-            if meet(bands, scratch, pitch):
+        for band in assigned(team, member, bands):
+            band_scratch = row_at(scratch, np.int64(pitch * band))
+            if any_contacts(bands, scratch, pitch):
                 for c in range(limits.size * band // bands, limits.size * (band + 1) // bands):
                     if limits[c] != zero:
-                        gather(c, position, velocity, count, arrays, arrays.rebound.motions, room)
+                        gather(c, position, velocity, count, arrays, arrays.rebound.motions, band_scratch)
 
     @compiler.compiled
     def bounce_all(
         team, member, bands, position, old, velocity, weights, record, lists, contacts, arrays, scratch, pitch
     ):  # fmt: skip
         """Run all phases. Without contacts they only add 0 to the velocities."""
-        struck, scales, travel = arrays.rebound.impulses, arrays.rebound.scales, arrays.rigid.travel
+        impulses, scales, travel = arrays.rebound.impulses, arrays.rebound.scales, arrays.rigid.travel
         count, clusters = weights.size, arrays.rebound.limits.size
-        for band in shares(team, member, bands):
-            met = tell(band, count, position, old, velocity, record, lists, contacts, travel)
-            scratch[pitch * (band + 1) - 1] = one if met else zero
-        for band in shares(team, member, bands):
+        for band in assigned(team, member, bands):
+            touching = count_contacts(band, count, position, old, velocity, record, lists, contacts, travel)
+            scratch[pitch * (band + 1) - 1] = one if touching else zero
+        for band in assigned(team, member, bands):
             low, high = count * band // bands, count * (band + 1) // bands
-            if meet(bands, scratch, pitch):
+            if any_contacts(bands, scratch, pitch):
                 for axis in range(AXES):
                     for k in range(axis * count + low, axis * count + high):
-                        struck[k] = zero
-        strike_all(
-            team, member, bands, position, old, velocity, weights, record, lists, contacts, struck, scales, travel
+                        impulses[k] = zero
+        apply_all(
+            team, member, bands, position, old, velocity, weights, record, lists, contacts, impulses, scales, travel
         )  # fmt: skip
-        for band in shares(team, member, bands):
-            room = row_at(scratch, np.int64(pitch * band))
-            if meet(bands, scratch, pitch):
+        for band in assigned(team, member, bands):
+            band_scratch = row_at(scratch, np.int64(pitch * band))
+            if any_contacts(bands, scratch, pitch):
                 for c in range(clusters * band // bands, clusters * (band + 1) // bands):
-                    answer(c, position, count, arrays, room)
-        for band in shares(team, member, bands):
-            if meet(bands, scratch, pitch):
+                    respond(c, position, count, arrays, band_scratch)
+        for band in assigned(team, member, bands):
+            if any_contacts(bands, scratch, pitch):
                 spread(count * band // bands, count * (band + 1) // bands, count, arrays, scales)
-        strike_scaled(
-            team, member, bands, position, old, velocity, weights, record, lists, contacts, struck, scales, travel
+        apply_scaled(
+            team, member, bands, position, old, velocity, weights, record, lists, contacts, impulses, scales, travel
         )
-        gather_all(team, member, bands, position, struck, count, arrays, scratch, pitch)
-        for band in shares(team, member, bands):
+        gather_all(team, member, bands, position, impulses, count, arrays, scratch, pitch)
+        for band in assigned(team, member, bands):
             low, high = count * band // bands, count * (band + 1) // bands
-            if meet(bands, scratch, pitch):
-                join(low, high, position, velocity, count, arrays, struck)
+            if any_contacts(bands, scratch, pitch):
+                join(low, high, position, velocity, count, arrays, impulses)
             else:
                 for axis in range(AXES):
                     for k in range(axis * count + low, axis * count + high):

@@ -11,7 +11,7 @@ import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
-from softlab.cpu_backend.core.progress import shares
+from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.shape_matching.damping import make_lane_sum
 from softlab.model.formulas.shape_matching import couple, pace, rigid
 from softlab.model.formulas.shape_matching.cluster import LANES
@@ -26,7 +26,7 @@ def make_couples(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
         return _without(compiler)
     formulas, masses = couple.make(real, compiler.compiled), pace.make(real, compiler.compiled)
     sum_of, carried = make_lane_sum(compiler, real), rigid.make(real, compiler.compiled).carried
-    weighted, added, spin, turned, gone = (
+    weighted, added, spin, cross_added, gone = (
         masses.weighted,
         masses.added,
         formulas.spin,
@@ -98,11 +98,11 @@ def make_couples(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
                 continue
             x, y, z = zero, zero, zero
             for n in range(starts[i], starts[i + 1]):
-                g, share = row_at(spins, np.int64(SPIN) * clusters[n]), cluster_weights[n]
+                g, weight = row_at(spins, np.int64(SPIN) * clusters[n]), cluster_weights[n]
                 dx, dy, dz = position[i] - g[0], position[j] - g[1], position[k] - g[2]
-                x = turned(x, share, g[4], dz, g[5], dy)
-                y = turned(y, share, g[5], dx, g[3], dz)
-                z = turned(z, share, g[3], dy, g[4], dx)
+                x = cross_added(x, weight, g[4], dz, g[5], dy)
+                y = cross_added(y, weight, g[5], dx, g[3], dz)
+                z = cross_added(z, weight, g[3], dy, g[4], dx)
             x, y, z = gone(position[i], x), gone(position[j], y), gone(position[k], z)
             if has_rigid:
                 travel[i], travel[j] = carried(travel[i], x, position[i]), carried(travel[j], y, position[j])
@@ -129,16 +129,16 @@ def make_couples_stage(real: Any, math: str, parts: frozenset[str]) -> Any:
     """Compile turn(bands, position, travel, weights, count, arrays, scratch, pitch): all clusters, then all particles,
     one parallel loop each; `pitch`: numbers in a band's scratch."""
     compiler = Compiler(f"bodies_couples_{np.dtype(real).name}_{math}{'_rigid' * ('rigid-motion' in parts)}", math)
-    made = make_couples(compiler, real, parts)
-    gather, turn_some = made.gather, made.turn
+    functions = make_couples(compiler, real, parts)
+    gather, turn_some = functions.gather, functions.turn
 
     def turn(team, member, bands, position, travel, weights, count, arrays, scratch, pitch):
         clusters = arrays.centres.size // 4
-        for band in shares(team, member, bands):
-            room = row_at(scratch, np.int64(pitch * band))
+        for band in assigned(team, member, bands):
+            band_scratch = row_at(scratch, np.int64(pitch * band))
             for c in range(clusters * band // bands, clusters * (band + 1) // bands):
-                gather(c, position, count, arrays, room)
-        for band in shares(team, member, bands):
+                gather(c, position, count, arrays, band_scratch)
+        for band in assigned(team, member, bands):
             turn_some(count * band // bands, count * (band + 1) // bands, position, travel, weights, count, arrays)
 
     return compiler.team(turn)

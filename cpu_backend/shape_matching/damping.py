@@ -11,7 +11,7 @@ import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
-from softlab.cpu_backend.core.progress import shares
+from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.shape_matching.motions import make_motions
 from softlab.model.formulas.shape_matching import cluster, pace
 from softlab.model.formulas.shape_matching.cluster import LANES
@@ -44,7 +44,7 @@ def make_damping(compiler: Compiler, real: Any, damped: bool) -> SimpleNamespace
     if not damped:
         return _undamped(compiler)
     formulas, sum_of = pace.make(real, compiler.compiled), make_lane_sum(compiler, real)
-    weighted, added, turned = formulas.weighted, formulas.added, formulas.cross_added
+    weighted, added, cross_added = formulas.weighted, formulas.added, formulas.cross_added
     motion, slowed, motion_of = formulas.motion, formulas.slowed, make_motions(compiler, real).motion_of
     zero = real(0)
 
@@ -65,9 +65,9 @@ def make_damping(compiler: Compiler, real: Any, damped: bool) -> SimpleNamespace
                     lanes[3 * LANES + lane] = lanes[3 * LANES + lane] + ux
                     lanes[4 * LANES + lane] = lanes[4 * LANES + lane] + uy
                     lanes[5 * LANES + lane] = lanes[5 * LANES + lane] + uz
-                    lanes[6 * LANES + lane] = turned(lanes[6 * LANES + lane], dy, uz, dz, uy)
-                    lanes[7 * LANES + lane] = turned(lanes[7 * LANES + lane], dz, ux, dx, uz)
-                    lanes[8 * LANES + lane] = turned(lanes[8 * LANES + lane], dx, uy, dy, ux)
+                    lanes[6 * LANES + lane] = cross_added(lanes[6 * LANES + lane], dy, uz, dz, uy)
+                    lanes[7 * LANES + lane] = cross_added(lanes[7 * LANES + lane], dz, ux, dx, uz)
+                    lanes[8 * LANES + lane] = cross_added(lanes[8 * LANES + lane], dx, uy, dy, ux)
                     lanes[9 * LANES + lane] = added(lanes[9 * LANES + lane], wx, dx)
                     lanes[10 * LANES + lane] = added(lanes[10 * LANES + lane], wy, dy)
                     lanes[11 * LANES + lane] = added(lanes[11 * LANES + lane], wz, dz)
@@ -146,16 +146,16 @@ def make_damping_stage(real: Any, math: str) -> Any:
     """Compile damp(bands, position, velocity, count, arrays, scratch, pitch): all clusters, then all particles, one
     parallel loop each; `pitch`: numbers in a band's scratch."""
     compiler = Compiler(f"bodies_damping_{np.dtype(real).name}_{math}", math)
-    made = make_damping(compiler, real, True)
-    gather, slow = made.gather, made.slow
+    functions = make_damping(compiler, real, True)
+    gather, slow = functions.gather, functions.slow
 
     def damp(team, member, bands, position, velocity, count, arrays, scratch, pitch):
         clusters = arrays.centres.size // 4
-        for band in shares(team, member, bands):
-            room = row_at(scratch, np.int64(pitch * band))
+        for band in assigned(team, member, bands):
+            band_scratch = row_at(scratch, np.int64(pitch * band))
             for c in range(clusters * band // bands, clusters * (band + 1) // bands):
-                gather(c, position, velocity, count, arrays, arrays.damping.motions, room)
-        for band in shares(team, member, bands):
+                gather(c, position, velocity, count, arrays, arrays.damping.motions, band_scratch)
+        for band in assigned(team, member, bands):
             slow(count * band // bands, count * (band + 1) // bands, position, velocity, count, arrays)
 
     return compiler.team(damp)

@@ -50,7 +50,7 @@ class ShapeMatching(RowsSimulation):
         self._current = 0
         self._set_pins()
         self._states = aligned_zeros((1 if self.kernel == "stages" else STATES) * self._layout.size, self.real)
-        self._kept = np.zeros(self._layout.size, self.real)
+        self._snapshot = np.zeros(self._layout.size, self.real)
         self._executor = self._staged() if self.kernel == "stages" else self._fused()
         self.reset()
 
@@ -89,8 +89,8 @@ class ShapeMatching(RowsSimulation):
     def _fused(self) -> Executor:
         rows, region, layout = self.body.rows, self.scene.method.region, self._layout
         self._bounds = np.array([rows * k // self._bands for k in range(self._bands + 1)], np.int64)
-        self._room, self._place_after = scratch_places(region).count * layout.stride, np.zeros(1, np.int64)
-        self._scratch = aligned_zeros(self._bands * self._room, self.real)
+        self._band_size, self._place_after = scratch_places(region).count * layout.stride, np.zeros(1, np.int64)
+        self._scratch = aligned_zeros(self._bands * self._band_size, self.real)
         wide = np.zeros((TABLE, layout.stride), self.real)
         wide[:, : layout.columns] = self._tables[1]
         self._wide_table = wide.reshape(-1)
@@ -105,6 +105,6 @@ class ShapeMatching(RowsSimulation):
         advance(
             self._bands, steps, step, method.substeps, method.iterations, self._bounds, layout.rows, layout.columns,
             layout.stride, self._states, self._current, self._tables[0], self._wide_table, self._wide_weights,
-            self.parameters, self.integers, self._scratch, self._room, self._place_after,
+            self.parameters, self.integers, self._scratch, self._band_size, self._place_after,
         )  # fmt: skip
         self._current = int(self._place_after[0])

@@ -27,8 +27,8 @@ AXES = 3
 QUATERNION = 4
 # rows of a band's scratch, LANES numbers each: the lanes of a cluster's moments, the moments of LANES clusters, their
 # rest offsets, their old rotations, the new ones and whether those converged, their linear maps
-AT_SUMS, AT_LEAN = MOMENTS, 2 * MOMENTS
-AT_OLD = AT_LEAN + AXES
+AT_SUMS, AT_REST_OFFSET = MOMENTS, 2 * MOMENTS
+AT_OLD = AT_REST_OFFSET + AXES
 AT_NEW = AT_OLD + QUATERNION
 AT_MAPS = AT_NEW + QUATERNION + 1
 SCRATCH = AT_MAPS + ENTRIES
@@ -108,24 +108,26 @@ def make_moments(compiler: Compiler, real: Any) -> Any:
 
 
 def make_turn(compiler: Compiler, real: Any, shaping: frozenset[str]) -> Any:
-    """Make turn(first, last, position, count, arrays, rotation, turned, frames, scratch).
+    """Make turn(first, last, position, count, arrays, rotation, new_rotation, frames, scratch).
 
-    It computes the rotations of at most LANES clusters from their moments in the scratch: from `rotation` into `turned`
+    It computes the rotations of at most LANES clusters from their moments in the scratch: from `rotation` into `new_rotation`
     and, with their centres, into `frames`.
     """
     formulas, turns = cluster.make(real, compiler.compiled), rotation.make(real, compiler.inlined)
-    upright, centre, near, matrix_of = formulas.corrected, formulas.centre, turns.rotation_3d_near, turns.matrix_of
+    corrected, centre, near, matrix_of = formulas.corrected, formulas.centre, turns.rotation_3d_near, turns.matrix_of
     far, shapes = rotation.make(real, compiler.compiled).rotation_3d_far, make_shapes(compiler, real, shaping, AXES)
     prepare, finish, zero, one = shapes.prepare, shapes.finish, real(0), real(1)
     store_matrix = make_frames(compiler).store_matrix
 
     @compiler.row
-    def raise_rows(lean, sums):
+    def raise_rows(rest_offset, sums):
         for axis in range(AXES):
             for other in range(AXES):
                 k = (AXES + AXES * axis + other) * LANES
                 for lane in range(LANES):
-                    sums[k + lane] = upright(sums[k + lane], sums[axis * LANES + lane], lean[other * LANES + lane])
+                    sums[k + lane] = corrected(
+                        sums[k + lane], sums[axis * LANES + lane], rest_offset[other * LANES + lane]
+                    )
 
     @compiler.row
     def near_rows(sums, old, new):
@@ -142,18 +144,18 @@ def make_turn(compiler: Compiler, real: Any, shaping: frozenset[str]) -> Any:
             new[4 * LANES + lane] = one if reached else zero
 
     @compiler.compiled
-    def turn(first, last, position, count, arrays, rotation, turned, frames, scratch):
+    def turn(first, last, position, count, arrays, rotation, new_rotation, frames, scratch):
         firsts, centres = arrays.firsts, arrays.centres
         clusters = centres.size // 4
-        lean = row_at(scratch, np.int64(AT_LEAN * LANES))
+        rest_offset = row_at(scratch, np.int64(AT_REST_OFFSET * LANES))
         sums, old = row_at(scratch, np.int64(AT_SUMS * LANES)), row_at(scratch, np.int64(AT_OLD * LANES))
         new = row_at(scratch, np.int64(AT_NEW * LANES))
         for n in range(last - first):
             for part in range(QUATERNION):
                 old[part * LANES + n] = rotation[part * clusters + first + n]
             for axis in range(AXES):
-                lean[axis * LANES + n] = centres[4 * (first + n) + axis]
-        raise_rows(lean, sums)
+                rest_offset[axis * LANES + n] = centres[4 * (first + n) + axis]
+        raise_rows(rest_offset, sums)
         maps = row_at(scratch, np.int64(AT_MAPS * LANES))
         for n in range(last - first):
             prepare(first + n, n, arrays, sums, maps)
@@ -167,10 +169,10 @@ def make_turn(compiler: Compiler, real: Any, shaping: frozenset[str]) -> Any:
                     sums[7 * LANES + n], sums[8 * LANES + n], sums[9 * LANES + n], sums[10 * LANES + n],
                     sums[11 * LANES + n], w, x, y, z,
                 )  # fmt: skip
-            turned[c] = w
-            turned[clusters + c] = x
-            turned[2 * clusters + c] = y
-            turned[3 * clusters + c] = z
+            new_rotation[c] = w
+            new_rotation[clusters + c] = x
+            new_rotation[2 * clusters + c] = y
+            new_rotation[3 * clusters + c] = z
             frame = row_at(frames, np.int64(FRAME * c))
             store_matrix(frame, *finish(c, n, arrays, maps, *matrix_of(w, x, y, z)))
             for axis in range(AXES):
@@ -183,15 +185,15 @@ def make_turn(compiler: Compiler, real: Any, shaping: frozenset[str]) -> Any:
 
 
 def make_clusters(compiler: Compiler, real: Any, shaping: frozenset[str]) -> SimpleNamespace:
-    """Make `match(first, last, position, count, arrays, rotation, turned, frames, scratch)`, for at most LANES
+    """Make `match(first, last, position, count, arrays, rotation, new_rotation, frames, scratch)`, for at most LANES
     clusters; `sum_up` and `turn`: its two parts."""
     sum_up, turn = make_moments(compiler, real), make_turn(compiler, real, shaping)
 
     @compiler.compiled
-    def match(first, last, position, count, arrays, rotation, turned, frames, scratch):
+    def match(first, last, position, count, arrays, rotation, new_rotation, frames, scratch):
         for c in range(first, last):
             sum_up(c, c - first, position, count, arrays, scratch)
-        turn(first, last, position, count, arrays, rotation, turned, frames, scratch)
+        turn(first, last, position, count, arrays, rotation, new_rotation, frames, scratch)
 
     return SimpleNamespace(match=match, sum_up=sum_up, turn=turn)
 
@@ -200,11 +202,11 @@ def make_goals(compiler: Compiler, real: Any, has_rigid: bool) -> SimpleNamespac
     """Make `move_lone` and `move`.
 
     `move_lone(c, position, count, arrays, factors, frames, travel)` moves the particles of a lone cluster towards their
-    goals; `move(first, last, position, count, own, frames, travel)` those of any clusters, which it
+    goals; `move(first, last, position, count, particle_clusters, frames, travel)` those of any clusters, which it
     gathers. `travel`: as in particles.py; its slacks are read if bodies are rigid, `has_rigid`.
     """
     formulas = cluster.make(real, compiler.compiled)
-    goal, added_way, arrived = formulas.goal, formulas.displacement_added, formulas.arrived
+    goal, displacement_added, arrived = formulas.goal, formulas.displacement_added, formulas.arrived
     settled, zero = rigid.make(real, compiler.compiled).settled, real(0)
     frame_of = make_frames(compiler).frame_of
 
@@ -214,9 +216,9 @@ def make_goals(compiler: Compiler, real: Any, has_rigid: bool) -> SimpleNamespac
             for lane in range(LANES):
                 k = block * LANES + lane
                 a, b, c = rest_x[k], rest_y[k], rest_z[k]
-                u = added_way(zero, factor, goal(frame.x, frame.xx, frame.xy, frame.xz, a, b, c), x[k])
-                v = added_way(zero, factor, goal(frame.y, frame.yx, frame.yy, frame.yz, a, b, c), y[k])
-                w = added_way(zero, factor, goal(frame.z, frame.zx, frame.zy, frame.zz, a, b, c), z[k])
+                u = displacement_added(zero, factor, goal(frame.x, frame.xx, frame.xy, frame.xz, a, b, c), x[k])
+                v = displacement_added(zero, factor, goal(frame.y, frame.yx, frame.yy, frame.yz, a, b, c), y[k])
+                w = displacement_added(zero, factor, goal(frame.z, frame.zx, frame.zy, frame.zz, a, b, c), z[k])
                 if has_rigid:
                     u, v, w = settled(u, least, x[k]), settled(v, least, y[k]), settled(w, least, z[k])
                 x[k], y[k], z[k] = arrived(x[k], u), arrived(y[k], v), arrived(z[k], w)
@@ -233,17 +235,17 @@ def make_goals(compiler: Compiler, real: Any, has_rigid: bool) -> SimpleNamespac
         )  # fmt: skip
 
     @compiler.compiled
-    def move(first, last, position, count, own, frames, travel):
-        starts, clusters, rests, factors = own
+    def move(first, last, position, count, particle_clusters, frames, travel):
+        starts, clusters, rests, factors = particle_clusters
         for k in range(first, last):
             px, py, pz = position[k], position[count + k], position[2 * count + k]
             x, y, z = zero, zero, zero
             for n in range(starts[k], starts[k + 1]):
                 frame, factor = frame_of(frames, clusters[n]), factors[n]
                 a, b, c = rests[3 * n], rests[3 * n + 1], rests[3 * n + 2]
-                x = added_way(x, factor, goal(frame.x, frame.xx, frame.xy, frame.xz, a, b, c), px)
-                y = added_way(y, factor, goal(frame.y, frame.yx, frame.yy, frame.yz, a, b, c), py)
-                z = added_way(z, factor, goal(frame.z, frame.zx, frame.zy, frame.zz, a, b, c), pz)
+                x = displacement_added(x, factor, goal(frame.x, frame.xx, frame.xy, frame.xz, a, b, c), px)
+                y = displacement_added(y, factor, goal(frame.y, frame.yx, frame.yy, frame.yz, a, b, c), py)
+                z = displacement_added(z, factor, goal(frame.z, frame.zx, frame.zy, frame.zz, a, b, c), pz)
             if has_rigid:
                 slack = travel[AXES * count + k]
                 x, y, z = settled(x, slack, px), settled(y, slack, py), settled(z, slack, pz)

@@ -16,7 +16,7 @@ import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
-from softlab.cpu_backend.core.progress import shares
+from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.shape_matching.lattice_layout import QUATERNION
 from softlab.cpu_backend.shape_matching.lattice_rows import GOAL_LINE, LINE, SLICE, WINDOW, make_line_sums
 from softlab.cpu_backend.shape_matching.lattice_scan import GoalScan, MomentScan, Rows, make_goal_scan, make_moment_scan
@@ -52,7 +52,7 @@ class Pencil(NamedTuple):
 
 
 def make_slice_up(compiler: Compiler, real: Any) -> Any:
-    """Make slice_up(unit, position, count, arrays, room): the sums of a slice, into the work array."""
+    """Make slice_up(unit, position, count, arrays, band_scratch): the sums of a slice, into the work array."""
     sum_line = make_line_sums(compiler, real).sum_line
 
     @compiler.compiled
@@ -62,14 +62,14 @@ def make_slice_up(compiler: Compiler, real: Any) -> Any:
     scan = make_moment_scan(compiler, real, 1, nothing)
 
     @compiler.compiled
-    def slice_up(unit, position, count, arrays, room):
+    def slice_up(unit, position, count, arrays, band_scratch):
         numbers, units, tables, work = arrays.numbers, arrays.slices, arrays.tables, arrays.work
         which, first, z = units[unit, 0], units[unit, 1], units[unit, 2]
         nx, ny, region = numbers[which, 0], numbers[which, 1], numbers[which, 3]
         at_x, at_y = numbers[which, 4], numbers[which, 5]
         begin, x_table, y_table = first + z * ny * nx, row_at(tables, at_x), row_at(tables, at_y)
         for j in range(ny):
-            x, line = row_at(position, begin + j * nx), row_at(room, LINE * nx * j)
+            x, line = row_at(position, begin + j * nx), row_at(band_scratch, LINE * nx * j)
             sum_line(
                 nx, region, x, count, row_at(x_table, T_WEIGHT * nx), row_at(x_table, T_CENTRE * nx), line, nx
             )  # fmt: skip
@@ -78,16 +78,17 @@ def make_slice_up(compiler: Compiler, real: Any) -> Any:
             row_at(x_table, T_MASS * nx), (),
         )  # fmt: skip
         scan(
-            nx, ny, region, Rows(row_at(position, begin), nx, count), Rows(room, LINE * nx, nx),
-            Rows(row_at(work, begin), nx, count), row_at(room, LINE * nx * ny), values,
+            nx, ny, region, Rows(row_at(position, begin), nx, count), Rows(band_scratch, LINE * nx, nx),
+            Rows(row_at(work, begin), nx, count), row_at(band_scratch, LINE * nx * ny), values,
         )  # fmt: skip
 
     return slice_up
 
 
 def make_turn(compiler: Compiler, real: Any) -> Any:
-    """Make turn(unit, position, count, arrays, turned, frames, look, room): it writes the rotations of a pencil's
-    clusters into `turned`, and the sums of their goals into the work array, or, with `look`, their frames."""
+    """Make turn(unit, position, count, arrays, new_rotation, frames, for_view,
+    band_scratch): it writes the rotations of a pencil's
+    clusters into `new_rotation`, and the sums of their goals into the work array, or, with `for_view`, their frames."""
     turns, one = make_turns(compiler, real), real(1)
     turn_row, centre_row, show_row = turns.turn_row, turns.centre_row, turns.show_row
 
@@ -102,7 +103,7 @@ def make_turn(compiler: Compiler, real: Any) -> Any:
     scan_goals = make_goal_scan(compiler, real, 2)
 
     @compiler.compiled
-    def turn(unit, position, count, arrays, turned, frames, look, room):
+    def turn(unit, position, count, arrays, new_rotation, frames, for_view, band_scratch):
         numbers, units, tables, values = arrays.numbers, arrays.pencils, arrays.tables, arrays.values
         work, rotation = arrays.work, arrays.rotation
         which, first, cluster = units[unit, 0], units[unit, 1], units[unit, 2]
@@ -112,14 +113,14 @@ def make_turn(compiler: Compiler, real: Any) -> Any:
         table, constants = row_at(tables, numbers[which, 6]), row_at(values, np.int64(VALUES * which))
         clusters, pitch, begin = rotation.size // QUATERNION, WINDOW * n, first + below
         x, out = Rows(row_at(position, begin), deep, count), Rows(row_at(work, begin), deep, count)
-        sums = row_at(room, pitch * nz)
+        sums = row_at(band_scratch, pitch * nz)
         groups, centres = row_at(sums, pitch), row_at(table, T_CENTRE * nz)
         pencil = Pencil(
-            cluster + below, deep, clusters, row_at(constants, V_TURN), rotation, turned, groups,
+            cluster + below, deep, clusters, row_at(constants, V_TURN), rotation, new_rotation, groups,
             row_at(tables, at_slice + deep), row_at(table, T_INVERSE * nz),
         )  # fmt: skip
         masses, mass = row_at(table, T_MASS * nz), row_at(tables, at_slice)
-        windows = Rows(room, pitch, n)
+        windows = Rows(band_scratch, pitch, n)
         scan(
             n,
             nz,
@@ -130,12 +131,12 @@ def make_turn(compiler: Compiler, real: Any) -> Any:
             sums,
             MomentScan(row_at(table, T_WEIGHT * nz), centres, masses, mass, pencil),
         )
-        if look:
+        if for_view:
             for i in range(nz):
                 here = cluster + below + i * deep
                 show_row(
-                    n, clusters, count, row_at(position, begin + i * deep), row_at(room, pitch * i), row_at(turned, here),
-                    row_at(frames, np.int64(FRAME) * here),
+                    n, clusters, count, row_at(position, begin + i * deep), row_at(band_scratch, pitch * i),
+                    row_at(new_rotation, here), row_at(frames, np.int64(FRAME) * here),
                 )  # fmt: skip
             return
         goals = GoalScan(centres, row_at(table, T_COUNT * nz), constants[V_SPACING], one, out)
@@ -145,17 +146,17 @@ def make_turn(compiler: Compiler, real: Any) -> Any:
 
 
 def make_move(compiler: Compiler, real: Any) -> Any:
-    """Make move(unit, position, count, arrays, room): it moves the masses of a slice."""
+    """Make move(unit, position, count, arrays, band_scratch): it moves the masses of a slice."""
     moved = lattice.make(real, compiler.inlined).moved
     sum_goals, scan = make_line_sums(compiler, real).sum_goals, make_goal_scan(compiler, real, 1)
 
     @compiler.row
-    def move_row(n, way, share, share_y, share_z, matching, x):
+    def move_row(n, displacement, weights, weight_y, weight_z, matching, x):
         for k in range(n):
-            x[k] = moved(x[k], way[k], share[k], share_y, share_z, matching)
+            x[k] = moved(x[k], displacement[k], weights[k], weight_y, weight_z, matching)
 
     @compiler.compiled
-    def move(unit, position, count, arrays, room):
+    def move(unit, position, count, arrays, band_scratch):
         numbers, units, tables = arrays.numbers, arrays.slices, arrays.tables
         values, work = arrays.values, arrays.work
         which, first, z = units[unit, 0], units[unit, 1], units[unit, 2]
@@ -163,15 +164,15 @@ def make_move(compiler: Compiler, real: Any) -> Any:
         x_table, y_table = row_at(tables, numbers[which, 4]), row_at(tables, numbers[which, 5])
         z_table, constants = row_at(tables, numbers[which, 6]), row_at(values, np.int64(VALUES * which))
         begin, count_z = first + z * ny * nx, z_table[T_COUNT * nz + z]
-        sums, counts = row_at(room, GOAL_LINE * nx * ny), row_at(y_table, T_COUNT * ny)
-        x, lines, spacing = row_at(position, begin), Rows(room, GOAL_LINE * nx, nx), constants[V_SPACING]
+        sums, counts = row_at(band_scratch, GOAL_LINE * nx * ny), row_at(y_table, T_COUNT * ny)
+        x, lines, spacing = row_at(position, begin), Rows(band_scratch, GOAL_LINE * nx, nx), constants[V_SPACING]
         scan(
             nx, ny, region, Rows(x, nx, count), Rows(row_at(work, begin), nx, count),
             Rows(row_at(sums, SLICE * nx), SLICE * nx, nx), sums,
             GoalScan(row_at(y_table, T_CENTRE * ny), counts, spacing, count_z, lines),
         )  # fmt: skip
         for j in range(ny):
-            here, line = row_at(x, j * nx), row_at(room, GOAL_LINE * nx * j)
+            here, line = row_at(x, j * nx), row_at(band_scratch, GOAL_LINE * nx * j)
             centres = row_at(x_table, T_CENTRE * nx)
             sum_goals(nx, region, spacing, counts[j] * count_z, here, count, centres, line, nx, sums)
             for axis in range(3):
@@ -185,28 +186,38 @@ def make_move(compiler: Compiler, real: Any) -> Any:
 
 @cache
 def make_lattice_matching(real: Any, math: str) -> SimpleNamespace:
-    """Make `match(team, member, bands, position, count, arrays, turned, frames, look)` and `move(team, member, bands,
+    """Make `match(team, member, bands, position, count, arrays, new_rotation, frames, for_view)` and `move(team,
+    member, bands,
     position, count, arrays)`, run by each member of a team (core/progress.py), for all lattices of Lattices.arrays."""
     compiler = Compiler(f"lattice_{np.dtype(real).name}_{math}", math)
     slice_up, turn, move_slice = make_slice_up(compiler, real), make_turn(compiler, real), make_move(compiler, real)
 
     @compiler.compiled
-    def match_all(team, member, bands, position, count, arrays, turned, frames, look):
+    def match_all(team, member, bands, position, count, arrays, new_rotation, frames, for_view):
         slices, pencils = arrays.slices.shape[0], arrays.pencils.shape[0]
-        scratch, room = arrays.scratch, arrays.band_scratch
-        for band in shares(team, member, bands):
+        scratch, band_scratch = arrays.scratch, arrays.band_scratch
+        for band in assigned(team, member, bands):
             for unit in range(slices * band // bands, slices * (band + 1) // bands):
-                slice_up(unit, position, count, arrays, row_at(scratch, np.int64(room * band)))
-        for band in shares(team, member, bands):
+                slice_up(unit, position, count, arrays, row_at(scratch, np.int64(band_scratch * band)))
+        for band in assigned(team, member, bands):
             for unit in range(pencils * band // bands, pencils * (band + 1) // bands):
-                turn(unit, position, count, arrays, turned, frames, look, row_at(scratch, np.int64(room * band)))
+                turn(
+                    unit,
+                    position,
+                    count,
+                    arrays,
+                    new_rotation,
+                    frames,
+                    for_view,
+                    row_at(scratch, np.int64(band_scratch * band)),
+                )
 
     @compiler.compiled
     def move_all(team, member, bands, position, count, arrays):
-        slices, scratch, room = arrays.slices.shape[0], arrays.scratch, arrays.band_scratch
-        for band in shares(team, member, bands):
+        slices, scratch, band_scratch = arrays.slices.shape[0], arrays.scratch, arrays.band_scratch
+        for band in assigned(team, member, bands):
             for unit in range(slices * band // bands, slices * (band + 1) // bands):
-                move_slice(unit, position, count, arrays, row_at(scratch, np.int64(room * band)))
+                move_slice(unit, position, count, arrays, row_at(scratch, np.int64(band_scratch * band)))
 
     return SimpleNamespace(match=match_all, move=move_all)
 
@@ -215,6 +226,6 @@ def make_lattice_matching(real: Any, math: str) -> SimpleNamespace:
 def make_lattice_stages(real: Any, math: str) -> SimpleNamespace:
     """Compile `match(bands, position, count, arrays, turned, frames, look)` and `move(bands, position, count, arrays)`:
     see make_lattice_matching."""
-    made = make_lattice_matching(real, math)
+    functions = make_lattice_matching(real, math)
     compiler = Compiler(f"lattice_stages_{np.dtype(real).name}_{math}", math)
-    return SimpleNamespace(match=compiler.team(made.match), move=compiler.team(made.move))
+    return SimpleNamespace(match=compiler.team(functions.match), move=compiler.team(functions.move))

@@ -47,7 +47,7 @@ class Lattices:
         self.copies, self.real = body_set.lattices, real
         loose = min((one.first_cluster for one in self.copies), default=0)
         numbers, slices, pencils, tables = [], [], [], [np.zeros(0)]
-        room = begin = 0
+        band_scratch = begin = 0
         for n, one in enumerate(self.copies):
             nx, ny, nz = one.lattice.counts
             places = [begin]
@@ -60,8 +60,8 @@ class Lattices:
             begin = places[-1] + 2 * nx * ny
             width = 2 * one.lattice.region + 1
             rows = max(1, min(LONG // nx, ny * one.copies // (PARTS * bands)))
-            room = max(
-                room, nx * ((LINE + SLICE) * max(ny, width) + SLICE + 3),
+            band_scratch = max(
+                band_scratch, nx * ((LINE + SLICE) * max(ny, width) + SLICE + 3),
                 nx * min(rows, ny) * WINDOW * (nz + max(1, min(nz, width)) + 1),
             )  # fmt: skip
             for copy in range(one.copies):
@@ -74,12 +74,12 @@ class Lattices:
         self.rotation = np.zeros(QUATERNION * self.clusters, real)
         self.turned = np.zeros_like(self.rotation)
         self.frames = np.zeros(FRAME * self.clusters, real)
-        room = -(-room // 16) * 16
+        band_scratch = -(-band_scratch // 16) * 16
         self.arrays = LatticeArrays(
             np.array(numbers, np.int64).reshape(-1, NUMBERS), np.array(slices, np.int64).reshape(-1, 3),
             np.array(pencils, np.int64).reshape(-1, PENCIL), np.concatenate(tables).astype(real), self.values,
             aligned_zeros(SLICE * count if self.copies else 0, real), self.rotation, self.frames,
-            aligned_zeros(room * bands, real), room,
+            aligned_zeros(band_scratch * bands, real), band_scratch,
         )  # fmt: skip
 
     def change(self, method: Method) -> None:

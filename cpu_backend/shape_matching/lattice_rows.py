@@ -53,21 +53,21 @@ def make_rows(compiler: Compiler, real: Any) -> SimpleNamespace:
 
 
 def make_line_sums(compiler: Compiler, real: Any) -> SimpleNamespace:
-    """Make sums over windows along a row at x: `sum_line(n, region, x, plane, share, centre, line, pitch)`, of masses,
-    and `sum_goals(n, region, rest, count, x, plane, centre, line, pitch, ways)`, of displacements to goals."""
+    """Make sums over windows along a row at x: `sum_line(n, region, x, plane, weights, centre, line, pitch)`, of masses,
+    and `sum_goals(n, region, rest, count, x, plane, centre, line, pitch, displacements)`, of displacements to goals."""
     compiled, row, clear = compiler.compiled, compiler.row, make_rows(compiler, real).clear
     formulas = lattice.make(real, compiler.inlined)
     lever, part_of, added_turn, added_goal = formulas.lever, formulas.part_of, formulas.added_turn, formulas.added_goal
 
     @row
-    def add_members(n, step, x, middle, share, centre, total, turn):
+    def add_members(n, step, x, middle, weights, centre, total, turn):
         for k in range(n):
-            part = part_of(share[k], x[k], middle[k])
+            part = part_of(weights[k], x[k], middle[k])
             total[k] = total[k] + part
             turn[k] = added_turn(turn[k], part, lever(step, centre[k]))
 
     @compiled
-    def sum_line(n, region, x, plane, share, centre, line, pitch):
+    def sum_line(n, region, x, plane, weights, centre, line, pitch):
         clear(n, LINE, pitch, line)
         for place in range(-region, region + 1):
             first = max(0, -place)
@@ -76,19 +76,19 @@ def make_line_sums(compiler: Compiler, real: Any) -> SimpleNamespace:
                     at = row_at(x, axis * plane)
                     add_members(
                         n - abs(place), real(place), row_at(at, first + place), row_at(at, first),
-                        row_at(share, first + place), row_at(centre, first), row_at(line, axis * pitch + first),
+                        row_at(weights, first + place), row_at(centre, first), row_at(line, axis * pitch + first),
                         row_at(line, (3 + axis) * pitch + first),
                     )  # fmt: skip
 
     @row
-    def add_goal_members(n, step, rest, count, total, column, x, middle, centre, way):
+    def add_goal_members(n, step, rest, count, total, column, x, middle, centre, displacement):
         for k in range(n):
             along = lever(step, centre[k]) * rest
-            way[k] = added_goal(way[k], total[k], count, x[k], middle[k], along, column[k])
+            displacement[k] = added_goal(displacement[k], total[k], count, x[k], middle[k], along, column[k])
 
     @compiled
-    def sum_goals(n, region, rest, count, x, plane, centre, line, pitch, ways):
-        clear(n, 3, pitch, ways)
+    def sum_goals(n, region, rest, count, x, plane, centre, line, pitch, displacements):
+        clear(n, 3, pitch, displacements)
         for place in range(-region, region + 1):
             first = max(0, -place)
             if abs(place) < n:
@@ -97,7 +97,7 @@ def make_line_sums(compiler: Compiler, real: Any) -> SimpleNamespace:
                     add_goal_members(
                         n - abs(place), real(-place), rest, count, row_at(line, axis * pitch + first + place),
                         row_at(line, (3 + axis) * pitch + first + place), row_at(at, first + place), row_at(at, first),
-                        row_at(centre, first + place), row_at(ways, axis * pitch + first),
+                        row_at(centre, first + place), row_at(displacements, axis * pitch + first),
                     )  # fmt: skip
 
     return SimpleNamespace(sum_line=sum_line, sum_goals=sum_goals)
@@ -107,32 +107,32 @@ def make_moments(compiler: Compiler, real: Any, turns: int) -> SimpleNamespace:
     """Make moments along y and z: `add` adds a row's sums to a scan; `end` combines both halves of a window's sums,
     relative to its own mass. Both have differences, turns along the `turns` axes that are done, and those along the
     scan's own."""
-    compiled, row, own = compiler.compiled, compiler.row, 3 * (turns + 1)
+    compiled, row, rows_before = compiler.compiled, compiler.row, 3 * (turns + 1)
     formulas = lattice.make(real, compiler.inlined)
     part_of_row, added_turn, shifted = formulas.part_of_row, formulas.added_turn, formulas.shifted
     add_to = make_rows(compiler, real).add_to
 
     @row
-    def add_row(n, step, share, mass, total, x, reference, sums, turn):
+    def add_row(n, step, weight, mass, total, x, reference, sums, turn):
         for k in range(n):
-            part = part_of_row(share, total[k], mass[k], x[k], reference[k])
+            part = part_of_row(weight, total[k], mass[k], x[k], reference[k])
             sums[k] = sums[k] + part
             turn[k] = added_turn(turn[k], part, step)
 
     @row
-    def add_turn(n, share, turn, sums):
+    def add_turn(n, weight, turn, sums):
         for k in range(n):
-            sums[k] = added_turn(sums[k], turn[k], share)
+            sums[k] = added_turn(sums[k], turn[k], weight)
 
     @compiled
-    def add(n, step, share, mass, rows, pitch, x, reference, plane, sums):
+    def add(n, step, weight, mass, rows, pitch, x, reference, plane, sums):
         for axis in range(3):
             add_row(
-                n, step, share, mass, row_at(rows, axis * pitch), row_at(x, axis * plane), row_at(reference, axis * plane),
-                row_at(sums, axis * n), row_at(sums, (own + axis) * n),
+                n, step, weight, mass, row_at(rows, axis * pitch), row_at(x, axis * plane), row_at(reference, axis * plane),
+                row_at(sums, axis * n), row_at(sums, (rows_before + axis) * n),
             )  # fmt: skip
-        for other in range(3, own):
-            add_turn(n, share, row_at(rows, other * pitch), row_at(sums, other * n))
+        for other in range(3, rows_before):
+            add_turn(n, weight, row_at(rows, other * pitch), row_at(sums, other * n))
 
     @row
     def end_row(n, far, weight, mass, reference, x, added, behind, sums, turn):
@@ -146,9 +146,10 @@ def make_moments(compiler: Compiler, real: Any, turns: int) -> SimpleNamespace:
         for axis in range(3):
             end_row(
                 n, far, weight, mass, row_at(reference, axis * plane), row_at(x, axis * plane), row_at(added, axis * n),
-                row_at(added, (own + axis) * n), row_at(sums, axis * pitch), row_at(sums, (own + axis) * pitch),
+                row_at(added, (rows_before + axis) * n), row_at(sums, axis * pitch),
+                row_at(sums, (rows_before + axis) * pitch),
             )  # fmt: skip
-        for other in range(3, own):
+        for other in range(3, rows_before):
             add_to(n, row_at(added, other * n), row_at(sums, other * pitch))
 
     return SimpleNamespace(add=add, end=end)
@@ -160,30 +161,31 @@ def make_goals(compiler: Compiler, real: Any, rest: int) -> SimpleNamespace:
     Both have displacements, the columns of the rotations along the scan's axis, and those of the `rest` axes that are
     still to come, in the order displacements, others, own ones.
     """
-    compiled, row, own = compiler.compiled, compiler.row, 3 * (rest + 1)
+    compiled, row, rows_before = compiler.compiled, compiler.row, 3 * (rest + 1)
     formulas = lattice.make(real, compiler.inlined)
     added_goal, ended, add_to = formulas.added_goal, formulas.ended, make_rows(compiler, real).add_to
 
     @row
-    def add_goal_row(n, lever, count, total, column, x, reference, way, columns):
+    def add_goal_row(n, lever, count, total, column, x, reference, displacement, columns):
         for k in range(n):
-            way[k] = added_goal(way[k], total[k], count, x[k], reference[k], lever, column[k])
+            displacement[k] = added_goal(displacement[k], total[k], count, x[k], reference[k], lever, column[k])
             columns[k] = columns[k] + column[k]
 
     @compiled
     def add_goals(n, lever, count, goals, pitch, x, reference, plane, sums):
         for axis in range(3):
             add_goal_row(
-                n, lever, count, row_at(goals, axis * pitch), row_at(goals, (own + axis) * pitch), row_at(x, axis * plane),
-                row_at(reference, axis * plane), row_at(sums, axis * n), row_at(sums, (own + axis) * n),
+                n, lever, count, row_at(goals, axis * pitch), row_at(goals, (rows_before + axis) * pitch),
+                row_at(x, axis * plane), row_at(reference, axis * plane), row_at(sums, axis * n),
+                row_at(sums, (rows_before + axis) * n),
             )  # fmt: skip
-        for other in range(3, own):
+        for other in range(3, rows_before):
             add_to(n, row_at(goals, other * pitch), row_at(sums, other * n))
 
     @row
-    def end_goal_row(n, lever, count, reference, x, added, added_column, way, column, out):
+    def end_goal_row(n, lever, count, reference, x, added, added_column, displacement, column, out):
         for k in range(n):
-            out[k] = ended(way[k] + added[k], count, reference[k], x[k], lever, column[k] + added_column[k])
+            out[k] = ended(displacement[k] + added[k], count, reference[k], x[k], lever, column[k] + added_column[k])
 
     @row
     def end_other_row(n, one, other, out):
@@ -195,10 +197,10 @@ def make_goals(compiler: Compiler, real: Any, rest: int) -> SimpleNamespace:
         for axis in range(3):
             end_goal_row(
                 n, lever, count, row_at(reference, axis * plane), row_at(x, axis * plane), row_at(added, axis * pitch),
-                row_at(added, (own + axis) * pitch), row_at(sums, axis * pitch), row_at(sums, (own + axis) * pitch),
-                row_at(out, axis * out_pitch),
+                row_at(added, (rows_before + axis) * pitch), row_at(sums, axis * pitch),
+                row_at(sums, (rows_before + axis) * pitch), row_at(out, axis * out_pitch),
             )  # fmt: skip
-        for other in range(3, own):
+        for other in range(3, rows_before):
             end_other_row(n, row_at(sums, other * pitch), row_at(added, other * pitch), row_at(out, other * out_pitch))
 
     return SimpleNamespace(add_goals=add_goals, end_goals=end_goals)

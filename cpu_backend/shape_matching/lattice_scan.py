@@ -61,7 +61,7 @@ def make_scan(compiler: Compiler, real: Any, planes: int, keeps_all: bool, term:
     def scan(n, length, region, positions, source, halves, sums, values):
         x, apart, plane = positions
         terms, terms_apart, pitch = source
-        kept, kept_apart, kept_pitch = halves
+        stored, stored_apart, stored_pitch = halves
         width = 2 * region + 1
         for low in range(0, length, width):
             high, b = min(low + width, length), min(low + region, length - 1)
@@ -74,7 +74,7 @@ def make_scan(compiler: Compiler, real: Any, planes: int, keeps_all: bool, term:
                     j -= 1
                     row, here = row_at(terms, j * terms_apart), row_at(x, j * apart)
                     add(n, *term(j, b, values), row, pitch, here, reference, plane, sums)
-                copy(n, planes, sums, n, row_at(kept, (i - begin) * kept_apart), kept_pitch)
+                copy(n, planes, sums, n, row_at(stored, (i - begin) * stored_apart), stored_pitch)
             clear(n, planes, n, sums)
             j = b
             for i in range(low, high):
@@ -82,8 +82,8 @@ def make_scan(compiler: Compiler, real: Any, planes: int, keeps_all: bool, term:
                     row, here = row_at(terms, j * terms_apart), row_at(x, j * apart)
                     add(n, *term(j, b, values), row, pitch, here, reference, plane, sums)
                     j += 1
-                half = row_at(kept, (i - begin) * kept_apart)
-                end(n, i, b, reference, row_at(x, i * apart), plane, sums, half, kept_pitch, values)
+                half = row_at(stored, (i - begin) * stored_apart)
+                end(n, i, b, reference, row_at(x, i * apart), plane, sums, half, stored_pitch, values)
 
     return scan
 

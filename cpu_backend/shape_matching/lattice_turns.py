@@ -62,18 +62,18 @@ def make_rotation_rows(compiler: Compiler, real: Any) -> SimpleNamespace:
 
 def make_turns(compiler: Compiler, real: Any) -> SimpleNamespace:
     """Make `turn_row` (see the inner function), `centre_row(n, of_slice, inverse, total)`, windows' centres from their
-    sums, and `show_row(n, clusters, plane, position, window, turned, frames)`, frames of a row of windows."""
+    sums, and `show_row(n, clusters, plane, position, window, new_rotation, frames)`, frames of a row of windows."""
     rotations, copy, zero = make_rotation_rows(compiler, real), make_rows(compiler, real).copy, real(0)
     near_row, far_of, matrix_row = rotations.near_row, rotations.far_of, rotations.matrix_row
     inlined, store_matrix = compiler.inlined, make_frames(compiler).store_matrix
     centre, matrix_of = lattice.make(real, inlined).centre, rotation.make(real, inlined).matrix_of
 
     @compiler.compiled
-    def turn_row(n, t, window, rotation, turned, clusters, reached):
+    def turn_row(n, t, window, rotation, new_rotation, clusters, reached):
         """Compute the rotations of a row of windows from their sums, which become the columns that turn rest
         offsets."""
-        a, old, new = row_at(window, 3 * n), row_at(reached, n), turned
-        copy(n, QUATERNION, rotation, clusters, old, n)  # `rotation` and `turned` may be the same array
+        a, old, new = row_at(window, 3 * n), row_at(reached, n), new_rotation
+        copy(n, QUATERNION, rotation, clusters, old, n)  # `rotation` and `new_rotation` may be the same array
         near_row(
             n, t, a, row_at(a, n), row_at(a, 2 * n), row_at(a, 3 * n), row_at(a, 4 * n), row_at(a, 5 * n), row_at(a, 6 * n),
             row_at(a, 7 * n), row_at(a, 8 * n), old, row_at(old, n), row_at(old, 2 * n),
@@ -97,10 +97,15 @@ def make_turns(compiler: Compiler, real: Any) -> SimpleNamespace:
             total[k] = centre(total[k], of_slice[k], inverse)
 
     @compiler.compiled
-    def show_row(n, clusters, plane, position, window, turned, frames):
+    def show_row(n, clusters, plane, position, window, new_rotation, frames):
         for k in range(n):
             frame = row_at(frames, np.int64(FRAME) * k)
-            w, x, y, z = turned[k], turned[clusters + k], turned[2 * clusters + k], turned[3 * clusters + k]
+            w, x, y, z = (
+                new_rotation[k],
+                new_rotation[clusters + k],
+                new_rotation[2 * clusters + k],
+                new_rotation[3 * clusters + k],
+            )
             store_matrix(frame, *matrix_of(w, x, y, z))
             for axis in range(3):
                 frame[9 + axis] = position[axis * plane + k] + window[axis * n + k]

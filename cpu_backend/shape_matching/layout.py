@@ -30,8 +30,8 @@ def bounds_of(body_set: BodySet) -> Bounds:
 
 def blocks_of(sizes: np.ndarray) -> np.ndarray:
     """Return the start of each of `sizes` in whole blocks; the last number is the end."""
-    found: np.ndarray = np.concatenate([[0], np.cumsum(-(-sizes // LANES) * LANES)]).astype(np.int64)
-    return found
+    starts: np.ndarray = np.concatenate([[0], np.cumsum(-(-sizes // LANES) * LANES)]).astype(np.int64)
+    return starts
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,8 +39,8 @@ class Layout:
     """`slots` (particles,): place of each particle in a plane of `count`. `groups` (see loops.make_bodies_apart) and
     `work` (groups,), their cost in particles and entries.
 
-    `arrays`: without materials; `own`: (starts, clusters, rest offsets);
-    `of_entry` and `of_own`: the entry whose factor is stored there, -1 for a ghost.
+    `arrays`: without materials; `of_particle`: (starts, clusters, rest offsets);
+    `of_entry` and `of_particle_entry`: the entry whose factor is stored there, -1 for a ghost.
     """
 
     slots: np.ndarray
@@ -48,16 +48,16 @@ class Layout:
     groups: np.ndarray
     work: np.ndarray
     arrays: ClusterArrays
-    own: tuple[np.ndarray, ...]
+    of_particle: tuple[np.ndarray, ...]
     of_entry: np.ndarray
-    of_own: np.ndarray
+    of_particle_entry: np.ndarray
 
     def kinds(self, whole: np.ndarray) -> np.ndarray:
         """Return (clusters,): LONE, SCATTERED or, if not `whole`, 0."""
-        found = np.where(whole, SCATTERED, 0).astype(np.uint8)
+        kinds = np.where(whole, SCATTERED, 0).astype(np.uint8)
         for _, _, low, high, lone in self.groups:
-            found[low:high][whole[low:high]] = LONE if lone else SCATTERED
-        return found
+            kinds[low:high][whole[low:high]] = LONE if lone else SCATTERED
+        return kinds
 
     def bands(self, threads: int) -> np.ndarray:
         """Return (threads + 1,): the first group of each thread, with the work divided as evenly as groups allow."""
@@ -93,13 +93,13 @@ def layout_of(clusters: Clusters, bounds: Bounds, real: Any, threads: int) -> La
     of_entry = np.full(int(starts[-1]), -1)
     of_entry[place] = np.arange(len(place))
 
-    own_offsets, own_entries = clusters.of_particle
-    own_count = np.zeros(count, np.int64)
-    own_count[slots] = np.diff(own_offsets)
-    own = (
-        np.concatenate([[0], np.cumsum(own_count)]).astype(np.int32),
-        clusters.owner[own_entries],
-        np.ascontiguousarray(clusters.rest[own_entries], real).reshape(-1),
+    particle_offsets, particle_entries = clusters.of_particle
+    cluster_count = np.zeros(count, np.int64)
+    cluster_count[slots] = np.diff(particle_offsets)
+    of_particle = (
+        np.concatenate([[0], np.cumsum(cluster_count)]).astype(np.int32),
+        clusters.owner[particle_entries],
+        np.ascontiguousarray(clusters.rest[particle_entries], real).reshape(-1),
     )
     arrays = ClusterArrays(
         starts, firsts, straight.astype(np.uint8), entry_slots.astype(np.int32), members.astype(real).reshape(-1),
@@ -108,17 +108,17 @@ def layout_of(clusters: Clusters, bounds: Bounds, real: Any, threads: int) -> La
 
     one = (np.diff(first_cluster) == 1) & (particles > 0)
     lone = np.zeros(len(particles), bool)
-    own_cluster = first_cluster[:-1][one]
-    lone[one] = straight[own_cluster] & (sizes[own_cluster] == particles[one])
-    lone[one] &= np.bincount(clusters.owner, clusters.weights != 1, clusters.count)[own_cluster] == 0
+    particle_cluster = first_cluster[:-1][one]
+    lone[one] = straight[particle_cluster] & (sizes[particle_cluster] == particles[one])
+    lone[one] &= np.bincount(clusters.owner, clusters.weights != 1, clusters.count)[particle_cluster] == 0
     work = particles + np.diff(clusters.offsets[first_cluster])
     groups, costs = [], []
     for first, last in _runs(lone, work, threads):
         groups.append((begins[first], begins[last], first_cluster[first], first_cluster[last], int(lone[first])))
         costs.append(work[first:last].sum())
     return Layout(
-        slots, count, np.array(groups, np.int64).reshape(-1, 5), np.array(costs, np.int64), arrays, own, of_entry,
-        own_entries.astype(np.int64),
+        slots, count, np.array(groups, np.int64).reshape(-1, 5), np.array(costs, np.int64), arrays, of_particle, of_entry,
+        particle_entries.astype(np.int64),
     )  # fmt: skip
 
 
@@ -126,7 +126,7 @@ def _runs(lone: np.ndarray, work: np.ndarray, threads: int) -> list[tuple[int, i
     """Return the first body and the one behind the last of each group: up to LANES lone ones, or a single other one; no
     group crosses the border of two threads."""
     thread = (np.cumsum(work) - work / 2) * threads // max(1, work.sum())
-    found: list[tuple[int, int]] = []
+    runs: list[tuple[int, int]] = []
     first = 0
     while first < len(lone):
         last = first + 1
@@ -135,8 +135,8 @@ def _runs(lone: np.ndarray, work: np.ndarray, threads: int) -> list[tuple[int, i
                 last += 1
             parts = -(-(last - first) // LANES)
             edges = first + (last - first) * np.arange(parts + 1) // parts
-            found += [(int(a), int(b)) for a, b in pairwise(edges)]
+            runs += [(int(a), int(b)) for a, b in pairwise(edges)]
         else:
-            found.append((first, last))
+            runs.append((first, last))
         first = last
-    return found
+    return runs

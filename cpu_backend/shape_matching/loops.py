@@ -14,14 +14,14 @@ from numba import prange
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
-from softlab.cpu_backend.core.own_forces import make_own_force
+from softlab.cpu_backend.core.own_forces import make_particle_force
 from softlab.cpu_backend.core.scratch import cloth_variant
 from softlab.cpu_backend.shape_matching.damping import make_damping
 from softlab.cpu_backend.shape_matching.kernels import AXES, SCRATCH, make_matching
 from softlab.cpu_backend.shape_matching.particles import make_particles
 from softlab.cpu_backend.shape_matching.rebound import make_rebound
 from softlab.cpu_backend.shape_matching.rigid import make_steadying
-from softlab.model.core.own_forces import own_forces
+from softlab.model.core.own_forces import particle_forces
 from softlab.model.formulas import distance
 from softlab.model.formulas.shape_matching import rigid
 from softlab.model.formulas.shape_matching.cluster import LANES
@@ -33,39 +33,43 @@ from softlab.model.tables.cloth import COLLIDER_KINDS
 def make_matching_stages(
     real: Any, math: str, shaping: frozenset[str] = frozenset(), has_rigid: bool = False
 ) -> SimpleNamespace:
-    """Compile `match(bands, position, count, arrays, rotation, turned, frames, scratch)`, for all clusters, and
-    `move(bands, position, count, own, frames, travel)`, for all particles: one parallel loop each, over
+    """Compile `match(bands, position, count, arrays, rotation, new_rotation, frames, scratch)`, for all clusters, and
+    `move(bands, position, count, particle_clusters, frames, travel)`, for all particles: one parallel loop each, over
     `bands` bands.
 
     `count`: particles and ghosts; `scratch`: flat, SCRATCH * LANES per band.
     """
     compiler = Compiler("_".join(["bodies", np.dtype(real).name, math, *sorted(shaping), "rigid" * has_rigid]), math)
-    made = make_matching(real, math, shaping, has_rigid)
-    match_some, move_some = made.match, made.move
+    functions = make_matching(real, math, shaping, has_rigid)
+    match_some, move_some = functions.match, functions.move
 
-    def match(band, bands, position, count, arrays, rotation, turned, frames, scratch):
+    def match(band, bands, position, count, arrays, rotation, new_rotation, frames, scratch):
         clusters = arrays.centres.size // 4
-        room = row_at(scratch, np.int64(SCRATCH * LANES * band))
+        band_scratch = row_at(scratch, np.int64(SCRATCH * LANES * band))
         stop = clusters * (band + 1) // bands
         for first in range(clusters * band // bands, stop, LANES):
-            match_some(first, min(first + LANES, stop), position, count, arrays, rotation, turned, frames, room)
+            match_some(
+                first, min(first + LANES, stop), position, count, arrays, rotation, new_rotation, frames, band_scratch
+            )
 
-    def move(band, bands, position, count, own, frames, travel):
-        move_some(count * band // bands, count * (band + 1) // bands, position, count, own, frames, travel)
+    def move(band, bands, position, count, particle_clusters, frames, travel):
+        move_some(
+            count * band // bands, count * (band + 1) // bands, position, count, particle_clusters, frames, travel
+        )
 
     return SimpleNamespace(match=compiler.banded(match), move=compiler.banded(move))
 
 
 @cache
 def make_bodies_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """Compile the stages of single particles, one parallel loop each: `gravity`, `own` by name, `predict`, `update`,
+    """Compile the stages of single particles, one parallel loop each: `gravity`, `add_force` by name, `predict`, `update`,
     `collide`. `count`: particles and ghosts; `a`: three planes of accelerations, 0 after a prediction."""
     compiler = Compiler(cloth_variant("bodies_stages", real, math, parts), math)
-    made = make_particles(compiler, real, parts)
-    rate_some, collide_some = made.rate, made.collide
+    functions = make_particles(compiler, real, parts)
+    rate_some, collide_some = functions.rate, functions.collide
 
     formulas = distance.make(real, compiler.compiled)
-    kicked, kept, predicted = formulas.kicked, formulas.damping_factor, formulas.predicted
+    kicked, damping_factor, predicted = formulas.kicked, formulas.damping_factor, formulas.predicted
     no_step = np.int64(0)
     has_damping, has_spare, zero, one = "damping" in parts, "spare" in parts, real(0), real(1)
     travelled, has_rigid = rigid.make(real, compiler.compiled).travelled, "rigid-motion" in parts
@@ -76,23 +80,25 @@ def make_bodies_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNam
             a[count + k] = a[count + k] + gravity
 
     def stage_of(part: str) -> Any:
-        own = make_own_force(compiler, real, AXES, frozenset({part, "load"}))
+        add_force = make_particle_force(compiler, real, AXES, frozenset({part, "load"}))
 
-        def own_force(count, weights, record, integers, a):
+        def particle_force(count, weights, record, integers, a):
             for k in prange(count):
-                found = own((a[k], a[count + k], a[2 * count + k]), k, weights[k], record[0], integers, no_step)
+                acceleration = add_force(
+                    (a[k], a[count + k], a[2 * count + k]), k, weights[k], record[0], integers, no_step
+                )
                 for axis in range(AXES):
-                    a[axis * count + k] = found[axis]
+                    a[axis * count + k] = acceleration[axis]
 
-        return compiler.kernel(own_force)
+        return compiler.kernel(particle_force)
 
     def predict(count, before, position, velocity, weights, record, a, travel):
         h = record[0].dt
         for k in prange(AXES * count):
             before[k] = position[k]
-            keep = kept(record[0].braking, weights[k % count]) if has_damping else one
+            factor = damping_factor(record[0].braking, weights[k % count]) if has_damping else one
             goes = not has_spare or weights[k % count] > zero
-            goes_at = kicked(velocity[k], keep, h, a[k])
+            goes_at = kicked(velocity[k], factor, h, a[k])
             position[k] = predicted(before[k], h, goes_at) if goes else before[k]
             if has_rigid:
                 travel[k] = travelled(h, goes_at)
@@ -107,24 +113,29 @@ def make_bodies_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNam
         collide_some(first, last, number, before, position, velocity, weights, world)
 
     return SimpleNamespace(
-        gravity=compiler.kernel(gravity), own={force.stage: stage_of(force.part) for force in own_forces(parts)},
+        gravity=compiler.kernel(gravity), own={force.stage: stage_of(force.part) for force in particle_forces(parts)},
         predict=compiler.kernel(predict), update=compiler.banded(update), collide=compiler.banded(collide),
     )  # fmt: skip
 
 
 def make_substep_end(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
     """Make `begin(first, last, c, ...)`, for the particles of a lone cluster c, and `end(first, last, low, high, lone,
-    number, before, after, b, room)`; `b`: BodyArrays.
+    number, before, after, b, band_scratch)`; `b`: BodyArrays.
 
     `end` completes a substep of the particles `first` to before `last`, of the clusters `low` to before `high`, which
     may be one `lone` cluster, after they have moved to their goals.
     """
     of_one, has_damping = make_particles(compiler, real, parts), "cluster_damping" in parts
     begin_any, begin_rigid = of_one.begin, of_one.begin_rigid
-    rate, collide, strike, has_bodies = of_one.rate, of_one.collide, of_one.strike, bool(parts & set(COLLIDER_KINDS))
+    rate, collide, store_impulses, has_bodies = (
+        of_one.rate,
+        of_one.collide,
+        of_one.store_impulses,
+        bool(parts & set(COLLIDER_KINDS)),
+    )
     damping, rebounds = make_damping(compiler, real, has_damping), "rigid-rebound" in parts
     gather, slow, whole = damping.gather, damping.slow, make_rebound(compiler, real, rebounds)
-    answer, go, has_rigid = whole.answer, whole.go, "rigid-motion" in parts
+    respond, go, has_rigid = whole.response, whole.go, "rigid-motion" in parts
     steadying = make_steadying(compiler, real, has_rigid)
     gather_rigid, steady = steadying.gather, steadying.steady
 
@@ -147,24 +158,24 @@ def make_substep_end(compiler: Compiler, real: Any, parts: frozenset[str]) -> Si
         begin_any(first, last, count, before, after, b.velocity, b.weights, parameters, integers, travel)
 
     @compiler.compiled
-    def end(first, last, low, high, lone, number, before, after, b, room):
+    def end(first, last, low, high, lone, number, before, after, b, band_scratch):
         velocity, weights, arrays, count = b.velocity, b.weights, b.clusters, b.weights.size
         travel = arrays.rigid.travel if has_rigid else weights
         if not (lone and is_rigid(low, arrays)):
             rate(first, last, count, before, after, velocity, weights, b.world.parameters, travel)
         if has_rigid:
             for c in range(low, high):
-                gather_rigid(c, after, velocity, count, arrays, room)
+                gather_rigid(c, after, velocity, count, arrays, band_scratch)
             if not lone:
                 steady(first, last, after, velocity, count, arrays)
         if has_damping:
             for c in range(low, high):
-                gather(c, after, velocity, count, arrays, arrays.damping.motions, room)
+                gather(c, after, velocity, count, arrays, arrays.damping.motions, band_scratch)
             slow(first, last, after, velocity, count, arrays)
         if rebounds:
-            strike(first, last, number, before, after, velocity, weights, b.world, arrays.rebound.impulses)
+            store_impulses(first, last, number, before, after, velocity, weights, b.world, arrays.rebound.impulses)
             for c in range(low, high):
-                answer(c, after, velocity, count, arrays, room)
+                respond(c, after, velocity, count, arrays, band_scratch)
             if not lone:
                 go(first, last, after, velocity, count, arrays)
         elif has_bodies:
@@ -184,13 +195,19 @@ def make_bodies_apart(real: Any, math: str, parts: frozenset[str]) -> Any:
     """
     compiler = Compiler(cloth_variant("bodies_apart", real, math, parts), math)
     has_rigid = "rigid-motion" in parts
-    begin, made = make_particles(compiler, real, parts).begin, make_matching(real, math, shaping(parts), has_rigid)
-    match, move, sum_up, turn, move_lone = made.match, made.move, made.sum_up, made.turn, made.move_lone
+    begin, functions = make_particles(compiler, real, parts).begin, make_matching(real, math, shaping(parts), has_rigid)
+    match, move, sum_up, turn, move_lone = (
+        functions.match,
+        functions.move,
+        functions.sum_up,
+        functions.turn,
+        functions.move_lone,
+    )
     of_substep = make_substep_end(compiler, real, parts)
     begin_lone, end = of_substep.begin, of_substep.end
 
     @compiler.compiled
-    def pass_lone(low, high, number, iterations, before, after, b, room):
+    def pass_lone(low, high, number, iterations, before, after, b, band_scratch):
         arrays, starts, firsts, count = b.clusters, b.clusters.starts, b.clusters.firsts, b.weights.size
         travel = arrays.rigid.travel if has_rigid else b.weights
         for iteration in range(iterations):
@@ -199,17 +216,17 @@ def make_bodies_apart(real: Any, math: str, parts: frozenset[str]) -> Any:
                 if iteration == 0:
                     last = first + (starts[c + 1] - starts[c])
                     begin_lone(first, last, c, before, after, b)
-                sum_up(c, c - low, after, count, arrays, room)
-            turn(low, high, after, count, arrays, b.rotation, b.rotation, b.frames, room)
+                sum_up(c, c - low, after, count, arrays, band_scratch)
+            turn(low, high, after, count, arrays, b.rotation, b.rotation, b.frames, band_scratch)
             for c in range(low, high):
                 move_lone(c, after, count, arrays, b.factors, b.frames, travel)
                 if iteration == iterations - 1:
                     first = np.int64(firsts[c])
                     last = first + (starts[c + 1] - starts[c])
-                    end(first, last, c, c + 1, True, number, before, after, b, room)
+                    end(first, last, c, c + 1, True, number, before, after, b, band_scratch)
 
     @compiler.compiled
-    def pass_any(first, last, low, high, number, iterations, before, after, b, room):
+    def pass_any(first, last, low, high, number, iterations, before, after, b, band_scratch):
         arrays, count = b.clusters, b.weights.size
         travel = arrays.rigid.travel if has_rigid else b.weights
         begin(
@@ -217,12 +234,12 @@ def make_bodies_apart(real: Any, math: str, parts: frozenset[str]) -> Any:
         )  # fmt: skip
         for _ in range(iterations):
             for c in range(low, high, LANES):
-                match(c, min(c + LANES, high), after, count, arrays, b.rotation, b.rotation, b.frames, room)
+                match(c, min(c + LANES, high), after, count, arrays, b.rotation, b.rotation, b.frames, band_scratch)
             move(first, last, after, count, b.own, b.frames, travel)
-        end(first, last, low, high, False, number, before, after, b, room)
+        end(first, last, low, high, False, number, before, after, b, band_scratch)
 
     def advance(band, bands, bounds, groups, steps, even, odd, b):
-        room = row_at(b.scratch, np.int64(SCRATCH * LANES * band))
+        band_scratch = row_at(b.scratch, np.int64(SCRATCH * LANES * band))
         for g in range(bounds[band], bounds[band + 1]):
             first, last, low, high, lone = groups[g, 0], groups[g, 1], groups[g, 2], groups[g, 3], groups[g, 4]
             for n in range(steps.steps * steps.substeps):
@@ -230,8 +247,8 @@ def make_bodies_apart(real: Any, math: str, parts: frozenset[str]) -> Any:
                 before, after = (odd, even) if n % 2 else (even, odd)
                 if lone:
                     for c in range(low, high, LANES):
-                        pass_lone(c, min(c + LANES, high), number, iterations, before, after, b, room)
+                        pass_lone(c, min(c + LANES, high), number, iterations, before, after, b, band_scratch)
                 else:
-                    pass_any(first, last, low, high, number, iterations, before, after, b, room)
+                    pass_any(first, last, low, high, number, iterations, before, after, b, band_scratch)
 
     return compiler.banded(advance)

@@ -16,7 +16,7 @@ import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
-from softlab.cpu_backend.core.progress import shares
+from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.shape_matching.matching_rows import (
     CLUSTER,
     GOALS,
@@ -39,11 +39,13 @@ ONCE, FIRST, MIDDLE, LAST = range(4)  # number of an iteration within a substep;
 
 def scratch_places(region: int) -> SimpleNamespace:
     """Return the rows of a band's scratch: the `ring` (its length) of positions, then those of `clusters`, `sums`,
-    `ways` and accelerations (`kick`); `count`: all."""
+    `displacements` and accelerations (`kick`); `count`: all."""
     ring = 2 * region + 1
     sums = (PLACE + GOAL) * ring
-    ways, kick = sums + SUMS, sums + SUMS + AXES
-    return SimpleNamespace(ring=ring, clusters=PLACE * ring, sums=sums, ways=ways, kick=kick, count=kick + AXES)
+    displacements, kick = sums + SUMS, sums + SUMS + AXES
+    return SimpleNamespace(
+        ring=ring, clusters=PLACE * ring, sums=sums, displacements=displacements, kick=kick, count=kick + AXES
+    )
 
 
 def _make_window(compiler: Compiler, region: int) -> Any:
@@ -64,13 +66,15 @@ def make_bring(compiler: Compiler, real: Any, region: int, parts: frozenset[str]
     ring, at_kick = places.ring, places.kick
 
     @compiler.compiled
-    def bring(far, step, predicting, rows, columns, stride, begin, before, table, weights, parameters, integers, room):
+    def bring(
+        far, step, predicting, rows, columns, stride, begin, before, table, weights, parameters, integers, rows_scratch
+    ):
         """Write the positions of row `far`, predicted or from the last iteration, and their sums into the ring."""
-        kick = row_at(room, at_kick * stride)
+        kick = row_at(rows_scratch, at_kick * stride)
         if predicting:
             accelerate(far, step, columns, stride, parameters, integers, kick)
         for axis in range(AXES):
-            into = row_at(room, (PLACE * (far % ring) + axis) * stride)
+            into = row_at(rows_scratch, (PLACE * (far % ring) + axis) * stride)
             place = (axis * rows + far) * stride
             if predicting:
                 predict(
@@ -79,7 +83,7 @@ def make_bring(compiler: Compiler, real: Any, region: int, parts: frozenset[str]
                 )  # fmt: skip
             else:
                 copy(columns, row_at(before, place), into)
-        x = row_at(room, PLACE * (far % ring) * stride)
+        x = row_at(rows_scratch, PLACE * (far % ring) * stride)
         sum_line(columns, stride, x, row_at(x, stride), table, row_at(x, AXES * stride))
 
     return bring
@@ -93,21 +97,21 @@ def make_match(compiler: Compiler, real: Any, region: int) -> Any:
     ring, at_clusters, at_sums = places.ring, places.clusters, places.sums
 
     @compiler.compiled
-    def match(i, rows, columns, stride, row_table, table, rest, room):
+    def match(i, rows, columns, stride, row_table, table, rest, rows_scratch):
         """Write the clusters of row i and their sums into their ring."""
-        sums = row_at(room, at_sums * stride)
+        sums = row_at(rows_scratch, at_sums * stride)
         clear(SUMS * stride, sums)
-        here = row_at(room, PLACE * (i % ring) * stride)
+        here = row_at(rows_scratch, PLACE * (i % ring) * stride)
         here_y = row_at(here, stride)
         first, last = window(i, rows)
         for other in range(first, last):
             offset = real(other - i) - row_table[T_CENTRE, i]
-            x = row_at(room, PLACE * (other % ring) * stride)
+            x = row_at(rows_scratch, PLACE * (other % ring) * stride)
             add_window(
                 columns, stride, row_at(x, AXES * stride), x, row_at(x, stride), here, here_y, table,
                 row_table[T_WEIGHT, other], offset, sums,
             )  # fmt: skip
-        cluster = row_at(room, (at_clusters + GOAL * (i % ring)) * stride)
+        cluster = row_at(rows_scratch, (at_clusters + GOAL * (i % ring)) * stride)
         finish(columns, stride, sums, here, here_y, row_table[T_INVERSE, i], table, cluster)
         sum_goals(columns, stride, cluster, table, rest, row_at(cluster, CLUSTER * stride))
 
@@ -120,28 +124,28 @@ def make_arrive(compiler: Compiler, real: Any, region: int, parts: frozenset[str
     move, rate, clear = motion.move, motion.rate, make_clear(compiler, real)
     rest_offset = shape_matching.make(real, compiler.compiled).rest_offset
     window, places = _make_window(compiler, region), scratch_places(region)
-    ring, at_clusters, at_ways = places.ring, places.clusters, places.ways
+    ring, at_clusters, at_displacements = places.ring, places.clusters, places.displacements
 
     @compiler.compiled
-    def arrive(i, ending, rows, columns, stride, begin, after, row_table, table, weights, parameters, room):
+    def arrive(i, ending, rows, columns, stride, begin, after, row_table, table, weights, parameters, rows_scratch):
         """Move the masses of row i towards their goals; at a substep's end also compute their velocities."""
-        ways, rest = row_at(room, at_ways * stride), parameters.matching_rest
-        clear(AXES * stride, ways)
-        here = row_at(room, PLACE * (i % ring) * stride)
+        displacements, rest = row_at(rows_scratch, at_displacements * stride), parameters.matching_rest
+        clear(AXES * stride, displacements)
+        here = row_at(rows_scratch, PLACE * (i % ring) * stride)
         first, last = window(i, rows)
         for other in range(first, last):
             down = rest_offset(real(i - other), row_table[T_CENTRE, other], rest)
-            cluster = row_at(room, (at_clusters + GOAL * (other % ring)) * stride)
+            cluster = row_at(rows_scratch, (at_clusters + GOAL * (other % ring)) * stride)
             add_goals(
-                columns, stride, row_at(cluster, CLUSTER * stride), cluster, here, row_at(here, stride), table, down, ways,
-                row_at(ways, stride),
+                columns, stride, row_at(cluster, CLUSTER * stride), cluster, here, row_at(here, stride), table, down,
+                displacements, row_at(displacements, stride),
             )  # fmt: skip
         for axis in range(AXES):
             place = (axis * rows + i) * stride
             here_weights, out = row_at(weights, i * stride), row_at(after, place)
             move(
-                columns, row_at(here, axis * stride), row_at(ways, axis * stride), here_weights, row_table[T_WEIGHT, i],
-                table, parameters, out,
+                columns, row_at(here, axis * stride), row_at(displacements, axis * stride), here_weights,
+                row_table[T_WEIGHT, i], table, parameters, out,
             )  # fmt: skip
             if ending:
                 new = row_at(after, place + AXES * rows * stride)
@@ -153,11 +157,11 @@ def make_arrive(compiler: Compiler, real: Any, region: int, parts: frozenset[str
 @cache
 def make_matching_advance(real: Any, math: str, region: int, parts: frozenset[str]) -> Any:
     """Compile advance(bands, steps, step, substeps, iterations, bounds, rows, columns, stride, states, current,
-    row_table, column_table, weights, parameters, integers, scratch, room, place_after).
+    row_table, column_table, weights, parameters, integers, scratch, rows_scratch, place_after).
 
     `bounds` (bands + 1,): the bands' first rows; `states`: flat, STATES of them, each four planes of `rows` rows
     `stride` apart; `current`: index of the state; tables (3, rows) and flat, rows `stride` apart; `weights`: flat,
-    likewise, 0 if pinned; `scratch`: flat, `room` numbers per band; `place_after` (1,): index of the final state.
+    likewise, 0 if pinned; `scratch`: flat, `rows_scratch` numbers per band; `place_after` (1,): index of the final state.
     """
     words = "_".join(sorted(parts))
     compiler = Compiler(f"matching_{np.dtype(real).name}_{math}_{region}_{words}", math)
@@ -167,7 +171,7 @@ def make_matching_advance(real: Any, math: str, region: int, parts: frozenset[st
     @compiler.compiled
     def down_band(
         first, last, kind, step, rows, columns, stride, begin, before, after, row_table, table, weights, parameters, integers,
-        room,
+        rows_scratch,
     ):  # fmt: skip
         """Do one iteration of the rows first to before last.
 
@@ -190,19 +194,21 @@ def make_matching_advance(real: Any, math: str, region: int, parts: frozenset[st
                     weights,
                     parameters,
                     integers,
-                    room,
+                    rows_scratch,
                 )
             near = far - region
             if 0 <= near < rows and first - region <= near < last + region:
-                match(near, rows, columns, stride, row_table, table, parameters.matching_rest, room)
+                match(near, rows, columns, stride, row_table, table, parameters.matching_rest, rows_scratch)
             i = near - region
             if first <= i < last:
                 ending = kind in (ONCE, LAST)
-                arrive(i, ending, rows, columns, stride, begin, after, row_table, table, weights, parameters, room)
+                arrive(
+                    i, ending, rows, columns, stride, begin, after, row_table, table, weights, parameters, rows_scratch
+                )
 
     def advance(
         team, member, bands, steps, step, substeps, iterations, bounds, rows, columns, stride, states, current, row_table,
-        table, weights, parameters, integers, scratch, room, place_after,
+        table, weights, parameters, integers, scratch, rows_scratch, place_after,
     ):  # fmt: skip
         size = 2 * AXES * rows * stride
         now, begin = current, current
@@ -216,11 +222,11 @@ def make_matching_advance(real: Any, math: str, region: int, parts: frozenset[st
                 after = (now + 1) % STATES
                 if after == begin and iteration > 0:
                     after = (after + 1) % STATES
-                for band in shares(team, member, bands):
+                for band in assigned(team, member, bands):
                     down_band(
                         bounds[band], bounds[band + 1], kind, step + place // substeps, rows, columns, stride,
                         row_at(states, begin * size), row_at(states, now * size), row_at(states, after * size), row_table,
-                        table, weights, parameters, integers, row_at(scratch, band * room),
+                        table, weights, parameters, integers, row_at(scratch, band * rows_scratch),
                     )  # fmt: skip
                 now = after
             begin = now

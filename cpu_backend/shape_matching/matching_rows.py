@@ -14,9 +14,9 @@ from typing import Any
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
-from softlab.cpu_backend.core.own_forces import make_own_row
+from softlab.cpu_backend.core.own_forces import make_particle_force_row
 from softlab.model.assets.lattice import T_CENTRE, T_COUNT, T_INVERSE, T_MASS, T_WEIGHT
-from softlab.model.core.own_forces import own_forces
+from softlab.model.core.own_forces import particle_forces
 from softlab.model.formulas import distance
 from softlab.model.formulas.shape_matching import grid as shape_matching
 
@@ -42,19 +42,19 @@ def make_cluster_rows(compiler: Compiler, real: Any, region: int) -> SimpleNames
     """Make `sum_line`, `add_window` and `finish`.
 
     `sum_line(columns, stride, x, y, table, line)`: the sums along a row. `add_window(columns, stride, line, x, y,
-    here_x, here_y, table, share, offset, sums)`: add the sums of row (x, y) to those of the windows around row (here_x,
-    here_y); `share`: weight of the row; `offset`: its rest offset below their centres [spacings]. `finish(columns,
+    here_x, here_y, table, weight, offset, sums)`: add the sums of row (x, y) to those of the windows around row (here_x,
+    here_y); `weight`: weight of the row; `offset`: its rest offset below their centres [spacings]. `finish(columns,
     stride, sums, here_x, here_y, inverse, table, cluster)`: the clusters.
     """
     compiled, row, clear = compiler.compiled, compiler.row, make_clear(compiler, real)
     formulas = shape_matching.make(real, compiler.inlined)
-    added_member, added_row, found = formulas.added_member, formulas.added_row, formulas.cluster
+    added_member, added_row, cluster = formulas.added_member, formulas.added_row, formulas.cluster
 
     @row
-    def add_members(count, step, x, y, shares, middle_x, middle_y, centres, l0, l1, l2, l3):
+    def add_members(count, step, x, y, weights, middle_x, middle_y, centres, l0, l1, l2, l3):
         for j in range(count):  # from 0: numba takes an index that may be negative as one from the end
             l0[j], l1[j], l2[j], l3[j] = added_member(
-                l0[j], l1[j], l2[j], l3[j], x[j], y[j], middle_x[j], middle_y[j], shares[j], step, centres[j]
+                l0[j], l1[j], l2[j], l3[j], x[j], y[j], middle_x[j], middle_y[j], weights[j], step, centres[j]
             )
 
     @compiled
@@ -72,18 +72,18 @@ def make_cluster_rows(compiler: Compiler, real: Any, region: int) -> SimpleNames
                 )  # fmt: skip
 
     @row
-    def add_row(columns, l0, l1, l2, l3, x, y, here_x, here_y, mass, share, offset, s0, s1, s2, s3, s4, s5):
+    def add_row(columns, l0, l1, l2, l3, x, y, here_x, here_y, mass, weight, offset, s0, s1, s2, s3, s4, s5):
         for j in range(columns):
             now = s0[j], s1[j], s2[j], s3[j], s4[j], s5[j]
             s0[j], s1[j], s2[j], s3[j], s4[j], s5[j] = added_row(
-                now, l0[j], l1[j], l2[j], l3[j], x[j], y[j], here_x[j], here_y[j], mass[j], share, offset
+                now, l0[j], l1[j], l2[j], l3[j], x[j], y[j], here_x[j], here_y[j], mass[j], weight, offset
             )
 
     @compiled
-    def add_window(columns, stride, line, x, y, here_x, here_y, table, share, offset, sums):
+    def add_window(columns, stride, line, x, y, here_x, here_y, table, weight, offset, sums):
         add_row(
             columns, line, row_at(line, stride), row_at(line, 2 * stride), row_at(line, 3 * stride), x, y, here_x, here_y,
-            row_at(table, T_MASS * stride), share, offset, sums, row_at(sums, stride), row_at(sums, 2 * stride),
+            row_at(table, T_MASS * stride), weight, offset, sums, row_at(sums, stride), row_at(sums, 2 * stride),
             row_at(sums, 3 * stride), row_at(sums, 4 * stride), row_at(sums, 5 * stride),
         )  # fmt: skip
 
@@ -91,7 +91,7 @@ def make_cluster_rows(compiler: Compiler, real: Any, region: int) -> SimpleNames
     def finish_row(columns, s0, s1, s2, s3, s4, s5, here_x, here_y, inverse, inverses, x, y, cosine, sine):
         for j in range(columns):
             sums = s0[j], s1[j], s2[j], s3[j], s4[j], s5[j]
-            x[j], y[j], cosine[j], sine[j] = found(sums, here_x[j], here_y[j], inverse, inverses[j])
+            x[j], y[j], cosine[j], sine[j] = cluster(sums, here_x[j], here_y[j], inverse, inverses[j])
 
     @compiled
     def finish(columns, stride, sums, here_x, here_y, inverse, table, cluster):
@@ -108,7 +108,8 @@ def make_goal_rows(compiler: Compiler, real: Any, region: int) -> SimpleNamespac
     """Make `sum_goals` and `add_goals`.
 
     `sum_goals(columns, stride, cluster, table, rest, goals)`: the sums along a row of clusters. `add_goals(columns,
-    stride, goals, cluster, x, y, table, down, way_x, way_y)`: add the displacements to the goals of a row of clusters
+    stride, goals, cluster, x, y, table, down, displacement_x,
+    displacement_y)`: add the displacements to the goals of a row of clusters
     to those of the masses (x, y), which at rest are `down` [m] below its centres.
     """
     compiled, row, clear = compiler.compiled, compiler.row, make_clear(compiler, real)
@@ -141,17 +142,19 @@ def make_goal_rows(compiler: Compiler, real: Any, region: int) -> SimpleNamespac
             )  # fmt: skip
 
     @row
-    def add_goal_rows(columns, g0, g1, g2, g3, g4, g5, c0, c1, x, y, counts, down, way_x, way_y):
+    def add_goal_rows(columns, g0, g1, g2, g3, g4, g5, c0, c1, x, y, counts, down, displacement_x, displacement_y):
         for j in range(columns):
             sums = g0[j], g1[j], g2[j], g3[j], g4[j], g5[j]
-            way_x[j], way_y[j] = added_goal_row(way_x[j], way_y[j], sums, x[j], y[j], c0[j], c1[j], counts[j], down)
+            displacement_x[j], displacement_y[j] = added_goal_row(
+                displacement_x[j], displacement_y[j], sums, x[j], y[j], c0[j], c1[j], counts[j], down
+            )
 
     @compiled
-    def add_goals(columns, stride, goals, cluster, x, y, table, down, way_x, way_y):
+    def add_goals(columns, stride, goals, cluster, x, y, table, down, displacement_x, displacement_y):
         add_goal_rows(
             columns, goals, row_at(goals, stride), row_at(goals, 2 * stride), row_at(goals, 3 * stride),
             row_at(goals, 4 * stride), row_at(goals, 5 * stride), cluster, row_at(cluster, stride), x, y,
-            row_at(table, T_COUNT * stride), down, way_x, way_y,
+            row_at(table, T_COUNT * stride), down, displacement_x, displacement_y,
         )  # fmt: skip
 
     return SimpleNamespace(sum_goals=sum_goals, add_goals=add_goals)
@@ -162,7 +165,10 @@ def make_motion_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> Si
     compiled, row = compiler.compiled, compiler.row
     points, moved = distance.make(real, compiled), shape_matching.make(real, compiled).moved
     kicked, predicted, rate_of = points.kicked, points.predicted, points.rate
-    add_own, has_own = make_own_row(compiler, real, 2, parts), bool(own_forces(parts))
+    add_particle_force, has_particle_forces = (
+        make_particle_force_row(compiler, real, 2, parts),
+        bool(particle_forces(parts)),
+    )
     has_gravity, has_damping = "gravity" in parts, "damping" in parts
     zero, one = real(0), real(1)
 
@@ -170,15 +176,15 @@ def make_motion_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> Si
     def accelerate(i, step, columns, stride, parameters, integers, kick):
         for j in range(columns):
             kick[j], kick[stride + j] = zero, parameters.gravity if has_gravity else zero
-        if has_own:
-            add_own(columns, i * columns, step, parameters, integers, kick, row_at(kick, stride))
+        if has_particle_forces:
+            add_particle_force(columns, i * columns, step, parameters, integers, kick, row_at(kick, stride))
 
     @row
     def predict(columns, position, velocity, acceleration, weights, parameters, out):
-        keep, h = parameters.keep if has_damping else one, parameters.dt
+        factor, h = parameters.keep if has_damping else one, parameters.dt
         for j in range(columns):
             p = position[j]
-            v = kicked(velocity[j], keep, h, acceleration[j])
+            v = kicked(velocity[j], factor, h, acceleration[j])
             out[j] = predicted(p, h, v) if weights[j] > zero else p
 
     @row
@@ -187,10 +193,10 @@ def make_motion_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> Si
             out[j] = source[j]
 
     @row
-    def move(columns, position, way, weights, row_share, shares, parameters, out):
+    def move(columns, position, displacement, weights, row_weight, column_weights, parameters, out):
         matching = parameters.matching
         for j in range(columns):
-            new = moved(position[j], row_share, shares[j], matching, way[j])
+            new = moved(position[j], row_weight, column_weights[j], matching, displacement[j])
             out[j] = new if weights[j] > zero else position[j]
 
     @row

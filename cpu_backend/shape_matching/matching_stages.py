@@ -27,7 +27,7 @@ def make_matching_stages(real: Any, math: str, region: int) -> SimpleNamespace:
     compiler = Compiler(f"matching_{np.dtype(real).name}_{math}_{region}_", math)
     compiled = compiler.compiled
     formulas = shape_matching.make(real, compiled)
-    added_member, added_row, found = formulas.added_member, formulas.added_row, formulas.cluster
+    added_member, added_row, cluster = formulas.added_member, formulas.added_row, formulas.cluster
     rest_offset, added_goal, added_goal_row = formulas.rest_offset, formulas.added_goal, formulas.added_goal_row
     moved, zero, one = formulas.moved, real(0), np.int64(1)
 
@@ -54,11 +54,11 @@ def make_matching_stages(real: Any, math: str, region: int) -> SimpleNamespace:
                 sums, line[0], line[1], line[2], line[3], middle_x, middle_y, x, y, table[T_MASS, j],
                 row_table[T_WEIGHT, row], real(row - i) - row_table[T_CENTRE, i],
             )  # fmt: skip
-        return found(sums, x, y, row_table[T_INVERSE, i], table[T_INVERSE, j])
+        return cluster(sums, x, y, row_table[T_INVERSE, i], table[T_INVERSE, j])
 
     @compiled
-    def way_of_mass(i, j, position, clusters, row_table, table, rest):
-        x, y, way_x, way_y = position[0, i, j], position[1, i, j], zero, zero
+    def displacement_of_mass(i, j, position, clusters, row_table, table, rest):
+        x, y, displacement_x, displacement_y = position[0, i, j], position[1, i, j], zero, zero
         top, bottom = window(i, position.shape[1])
         left, right = window(j, position.shape[2])
         for row in range(top, bottom):
@@ -72,8 +72,10 @@ def make_matching_stages(real: Any, math: str, region: int) -> SimpleNamespace:
                         clusters[3, row, k], rest_offset(real(j - k), table[T_CENTRE, k], rest),
                     )  # fmt: skip
             down = rest_offset(real(i - row), row_table[T_CENTRE, row], rest)
-            way_x, way_y = added_goal_row(way_x, way_y, sums, x, y, middle_x, middle_y, table[T_COUNT, j], down)
-        return way_x, way_y
+            displacement_x, displacement_y = added_goal_row(
+                displacement_x, displacement_y, sums, x, y, middle_x, middle_y, table[T_COUNT, j], down
+            )
+        return displacement_x, displacement_y
 
     @compiler.kernel
     def match(position, row_table, column_table, clusters):
@@ -88,11 +90,13 @@ def make_matching_stages(real: Any, math: str, region: int) -> SimpleNamespace:
         for u in prange(position.shape[1]):
             i = np.int64(u)
             for j in range(position.shape[2]):
-                ways = way_of_mass(i, j, position, clusters, row_table, column_table, record[0].matching_rest)
+                displacements = displacement_of_mass(
+                    i, j, position, clusters, row_table, column_table, record[0].matching_rest
+                )
                 for axis in range(AXES):
-                    shares = row_table[T_WEIGHT, i], column_table[T_WEIGHT, j]
+                    mass_weights = row_table[T_WEIGHT, i], column_table[T_WEIGHT, j]
                     now = position[axis, i, j]
-                    new = moved(now, shares[0], shares[1], record[0].matching, ways[axis])
+                    new = moved(now, mass_weights[0], mass_weights[1], record[0].matching, displacements[axis])
                     out[axis, i, j] = new if weights[i, j] > zero else now
 
     return SimpleNamespace(match=match, move=move)

@@ -29,18 +29,18 @@ class ClusterMaterial:
     """
 
     def __init__(self, clusters: Clusters, layout: Layout, parts: frozenset[str], real: Any):
-        self._clusters, self._of_own = clusters, layout.of_own
+        self._clusters, self._of_particle_entry = clusters, layout.of_particle_entry
         self.plastic = np.zeros(ENTRIES * clusters.count if "plastic" in parts else 0, real)
         self._shapes = np.zeros(SHAPE * clusters.count if shaping(parts) else 0, real)
-        self._slowing = np.zeros(len(layout.of_own) if "cluster_damping" in parts else 0, real)
+        self._slowing = np.zeros(len(layout.of_particle_entry) if "cluster_damping" in parts else 0, real)
         steps, motions = layout.arrays, np.zeros(MOTION * clusters.count, real)
         if shaping(parts):
             steps = steps._replace(shapes=Shapes(self._shapes, self.plastic, self.plastic))
-        starts, owners, _ = layout.own
+        starts, owners, _ = layout.of_particle
         if "cluster_damping" in parts:
             steps = steps._replace(damping=Damping(starts, owners, self._slowing, motions.copy()))
         whole = whole_clusters(clusters)
-        factors, kinds = whole[clusters.owner][layout.of_own].astype(real), layout.kinds(whole)
+        factors, kinds = whole[clusters.owner][layout.of_particle_entry].astype(real), layout.kinds(whole)
         if parts & {"rigid-rebound", "rigid-bounce"}:
             limits = rebound_limits(clusters).astype(real)
             impulses, scales = (np.zeros(3 * layout.count, real) for _ in range(2))
@@ -56,11 +56,14 @@ class ClusterMaterial:
             )
         self.couples = np.zeros(3 * layout.count if "couples" in parts else 0, real)
         if "couples" in parts:
-            weights, spins = clusters.weights[layout.of_own].astype(real), np.zeros(SPIN * clusters.count, real)
+            weights, spins = (
+                clusters.weights[layout.of_particle_entry].astype(real),
+                np.zeros(SPIN * clusters.count, real),
+            )
             steps = steps._replace(couples=Couples(starts, owners, weights, spins, self.couples))
-        self.touched, self.steps, self.look = (self.travel, self.couples), steps, steps
+        self.touched, self.steps, self.view_steps = (self.travel, self.couples), steps, steps
         if isinstance(steps.shapes, Shapes):
-            self.look = steps._replace(shapes=steps.shapes._replace(plastic_after=np.zeros_like(self.plastic)))
+            self.view_steps = steps._replace(shapes=steps.shapes._replace(plastic_after=np.zeros_like(self.plastic)))
 
     def change(self, method: Method) -> None:
         """Update the tables that depend on the length of a substep."""
@@ -68,4 +71,4 @@ class ClusterMaterial:
         if len(self._shapes):
             self._shapes[:] = shape_table(self._clusters, h, method.iterations).reshape(-1)
         if len(self._slowing):
-            self._slowing[:] = damping_factors(self._clusters, h)[self._of_own]
+            self._slowing[:] = damping_factors(self._clusters, h)[self._of_particle_entry]

@@ -11,7 +11,7 @@ import numpy as np
 from softlab.cpu_backend.contact.colliders import make_collide_mass, make_collide_planes
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import block_of, row_at
-from softlab.cpu_backend.core.own_forces import make_own_force
+from softlab.cpu_backend.core.own_forces import make_particle_force
 from softlab.cpu_backend.shape_matching.kernels import AXES
 from softlab.model.formulas import distance
 from softlab.model.formulas.shape_matching import rigid
@@ -19,18 +19,23 @@ from softlab.model.formulas.shape_matching.cluster import LANES
 
 
 def make_particles(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
-    """Make loops over blocks of particles: `begin`, `rate`, `collide`, `begin_rigid`, `strike`.
+    """Make loops over blocks of particles: `begin`, `rate`, `collide`, `begin_rigid`, `store_impulses`.
 
     `begin`: predictions; `rate`: velocities, for rigid bodies from their travels
     (model/formulas/shape_matching/rigid.py). `travel`: three planes and one of slacks, read if bodies are rigid.
-    `begin_rigid`: predictions of a rigid body that only matching moves, and their velocities. `strike`: as `collide`,
-    and writes the velocity changes into three planes `struck`.
+    `begin_rigid`: predictions of a rigid body that only matching moves, and their velocities. `store_impulses`: as `collide`,
+    and writes the velocity changes into three planes `impulses`.
     """
     formulas = distance.make(real, compiler.compiled)
-    kicked, kept, predicted, rate_of = formulas.kicked, formulas.damping_factor, formulas.predicted, formulas.rate
+    kicked, damping_factor, predicted, rate_of = (
+        formulas.kicked,
+        formulas.damping_factor,
+        formulas.predicted,
+        formulas.rate,
+    )
     touch, collide_planes = make_collide_mass(compiler, real, parts), make_collide_planes(compiler, real, parts)
     block = block_of(real)
-    own = make_own_force(compiler, real, AXES, parts | {"load"})  # each particle has its own weight
+    particle_force = make_particle_force(compiler, real, AXES, parts | {"load"})  # each particle has its own weight
     has_gravity, has_damping, no_step = "gravity" in parts, "damping" in parts, np.int64(0)
     has_spare, has_rigid, zero, one = "spare" in parts, "rigid-motion" in parts, real(0), real(1)
     keeping, there = rigid.make(real, compiler.compiled), np.int64(has_rigid)  # 0: an array passed instead of travels
@@ -51,9 +56,9 @@ def make_particles(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simp
                     ax, ay, az = zero, zero, zero
                     if has_gravity:
                         ay = ay + parameters.gravity
-                    ax, ay, az = own((ax, ay, az), first + k, weight, parameters, integers, no_step)
-                    keep = kept(parameters.braking, weight) if has_damping else one
-                    u, v, w = kicked(vx[k], keep, h, ax), kicked(vy[k], keep, h, ay), kicked(vz[k], keep, h, az)
+                    ax, ay, az = particle_force((ax, ay, az), first + k, weight, parameters, integers, no_step)
+                    factor = damping_factor(parameters.braking, weight) if has_damping else one
+                    u, v, w = kicked(vx[k], factor, h, ax), kicked(vy[k], factor, h, ay), kicked(vz[k], factor, h, az)
                     px, py, pz = predicted(x[k], h, u), predicted(y[k], h, v), predicted(z[k], h, w)
                     if rates:
                         goes = not has_spare or weight > zero
@@ -140,16 +145,16 @@ def make_particles(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simp
             had_x[k], had_y[k], had_z[k] = vx[k], vy[k], vz[k]
 
     @compiler.row
-    def given_rows(n, vx, vy, vz, had_x, had_y, had_z):
+    def impulse_rows(n, vx, vy, vz, had_x, had_y, had_z):
         for k in range(n):
             had_x[k], had_y[k], had_z[k] = vx[k] - had_x[k], vy[k] - had_y[k], vz[k] - had_z[k]
 
     @compiler.compiled
-    def strike(first, last, number, before, after, velocity, weights, world, struck):
+    def store_impulses(first, last, number, before, after, velocity, weights, world, impulses):
         count = weights.size
         x, y, z = first, count + first, 2 * count + first
         vx, vy, vz = row_at(velocity, x), row_at(velocity, y), row_at(velocity, z)
-        had_x, had_y, had_z = row_at(struck, x), row_at(struck, y), row_at(struck, z)
+        had_x, had_y, had_z = row_at(impulses, x), row_at(impulses, y), row_at(impulses, z)
         note_rows(last - first, vx, vy, vz, had_x, had_y, had_z)
         if has_spare:
             collide(first, last, number, before, after, velocity, weights, world)
@@ -158,6 +163,8 @@ def make_particles(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simp
                 world.bodies, world.kinds, number, world.parameters, (last - first) // block, row_at(before, x),
                 row_at(before, y), row_at(before, z), row_at(after, x), row_at(after, y), row_at(after, z), vx, vy, vz,
             )  # fmt: skip
-        given_rows(last - first, vx, vy, vz, had_x, had_y, had_z)
+        impulse_rows(last - first, vx, vy, vz, had_x, had_y, had_z)
 
-    return SimpleNamespace(begin=begin, begin_rigid=begin_rigid, rate=rate, collide=collide, strike=strike)
+    return SimpleNamespace(
+        begin=begin, begin_rigid=begin_rigid, rate=rate, collide=collide, store_impulses=store_impulses
+    )

@@ -10,7 +10,7 @@ import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
-from softlab.cpu_backend.core.progress import shares
+from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.shape_matching.damping import make_damping
 from softlab.cpu_backend.shape_matching.kernels import AXES
 from softlab.cpu_backend.shape_matching.layout import LONE
@@ -119,16 +119,16 @@ def make_steadying_stage(real: Any, math: str) -> Any:
     """Compile steady(bands, position, velocity, count, arrays, scratch, pitch): all clusters, then all particles, one
     parallel loop each; `pitch`: numbers in a band's scratch."""
     compiler = Compiler(f"bodies_rigid_{np.dtype(real).name}_{math}", math)
-    made = make_steadying(compiler, real, True)
-    gather, steady_some = made.gather, made.steady
+    functions = make_steadying(compiler, real, True)
+    gather, steady_some = functions.gather, functions.steady
 
     def steady(team, member, bands, position, velocity, count, arrays, scratch, pitch):
         clusters = arrays.centres.size // 4
-        for band in shares(team, member, bands):
-            room = row_at(scratch, np.int64(pitch * band))
+        for band in assigned(team, member, bands):
+            band_scratch = row_at(scratch, np.int64(pitch * band))
             for c in range(clusters * band // bands, clusters * (band + 1) // bands):
-                gather(c, position, velocity, count, arrays, room)
-        for band in shares(team, member, bands):
+                gather(c, position, velocity, count, arrays, band_scratch)
+        for band in assigned(team, member, bands):
             first, last = count * band // bands, count * (band + 1) // bands
             steady_some(first, last, position, velocity, count, arrays)
 

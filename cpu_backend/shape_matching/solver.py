@@ -17,7 +17,7 @@ from softlab.cpu_backend.contact.particles_project import PACES, make_settle_sta
 from softlab.cpu_backend.core.constraints import make_constraint_stage
 from softlab.cpu_backend.core.layout import aligned_zeros
 from softlab.cpu_backend.core.simulation import ParticlesSimulation, chosen_kernel
-from softlab.cpu_backend.shape_matching.arrays import BodyArrays, ClusterArrays, Own, Steps, World
+from softlab.cpu_backend.shape_matching.arrays import BodyArrays, ClusterArrays, ParticleClusters, Steps, World
 from softlab.cpu_backend.shape_matching.bodies_bounce import make_bodies_bounce_stage
 from softlab.cpu_backend.shape_matching.couples import make_couples_stage
 from softlab.cpu_backend.shape_matching.damping import make_damping_stage
@@ -67,11 +67,13 @@ class Bodies(ParticlesSimulation):
         self._even, self._odd, self._velocity = (aligned_zeros(AXES * count, real) for _ in range(3))
         self._weights = aligned_zeros(count, real)
         self._weights_changed()
-        self._rotation, self._turned = (np.zeros(QUATERNION * clusters, real) for _ in range(2))
+        self._rotation, self._view_rotation = (np.zeros(QUATERNION * clusters, real) for _ in range(2))
         self._frames = aligned_zeros(FRAME * clusters, real)
         self._factors = np.zeros(len(self.layout.of_entry), real)
-        starts, clusters_of, rests = self.layout.own
-        self._own = Own(starts, clusters_of, rests, np.zeros(len(self.layout.of_own), real))
+        starts, clusters_of, rests = self.layout.of_particle
+        self._particle_clusters = ParticleClusters(
+            starts, clusters_of, rests, np.zeros(len(self.layout.of_particle_entry), real)
+        )
         self.integers = np.zeros(2, np.uint64)  # of model/core/own_forces.py, particles by their places
         self._set_colliders(collider_numbers(scene, real))
         self._bands = max(1, min(self.threads, count // LANES))
@@ -84,7 +86,7 @@ class Bodies(ParticlesSimulation):
         self._lattices = Lattices(body_set, self.layout.slots, count, self._bands, real)
         self._apart = self._apart and not body_set.lattices
         self._material = ClusterMaterial(self.clusters, self.layout, self.plan.parts, real)
-        self._kept = [np.zeros_like(array) for array in self._state()]
+        self._snapshot = [np.zeros_like(array) for array in self._state()]
         self._links = ends, np.zeros((links.count, 2), real), np.zeros((links.count, 1), real), links.starts
         self.contacts: ParticleContacts | None = None
         if scene.contact:
@@ -99,17 +101,17 @@ class Bodies(ParticlesSimulation):
         method = self.scene.method
         self._material.change(method)
         self._lattices.change(method)
-        found = matching_factors(self.clusters, method.dt / method.substeps, method.iterations)
-        self._factors[:] = np.append(found, 0.0)[self.layout.of_entry]
-        self._own.factors[:] = found[self.layout.of_own]
+        factors = matching_factors(self.clusters, method.dt / method.substeps, method.iterations)
+        self._factors[:] = np.append(factors, 0.0)[self.layout.of_entry]
+        self._particle_clusters.factors[:] = factors[self.layout.of_particle_entry]
         body_set = self.scene.body_set
         self._links[1][:] = body_set.links.values(method.dt / method.substeps, body_set.mass)
 
     def _advance(self, step: int, steps: int) -> None:
         method, variant = self.scene.method, (self.real, self.options.math, self.plan.parts)
         arrays = BodyArrays(
-            self._velocity, self._weights, self._material.steps, self._factors, self._own, self._rotation, self._frames,
-            self._scratch, self._world,
+            self._velocity, self._weights, self._material.steps, self._factors, self._particle_clusters, self._rotation,
+            self._frames, self._scratch, self._world,
         )  # fmt: skip
         times, contacts = Steps(steps, step, method.substeps, method.iterations), self.contacts
         if self._apart:
@@ -146,11 +148,11 @@ class Bodies(ParticlesSimulation):
         def predict(moment: Moment) -> None:
             stage.predict(count, before, position, velocity, self._weights, self.record, a, travel)
 
-        def own(force: Any) -> StageRun:
+        def particle_force(force: Any) -> StageRun:
             return lambda moment: force(count, self._weights, self.record, self.integers, a)
 
         def move(moment: Moment) -> None:
-            goals.move(bands, position, count, self._own, self._frames, travel)
+            goals.move(bands, position, count, self._particle_clusters, self._frames, travel)
             if self._lattices.copies:
                 make_lattice_stages(self.real, self.options.math).move(bands, position, count, self._lattices.arrays)
 
@@ -193,14 +195,14 @@ class Bodies(ParticlesSimulation):
 
         def link(number: int) -> StageRun:
             def run(moment: Moment) -> None:
-                given = position, self._weights, before, ends, values, multipliers, moment.fresh, self.parameters
-                project_links(bands, *starts[number : number + 2], *given)
+                arguments = position, self._weights, before, ends, values, multipliers, moment.fresh, self.parameters
+                project_links(bands, *starts[number : number + 2], *arguments)
 
             return run
 
         return {f"project links {number}": link(number) for number in range(len(starts) - 1)} | {
             "gravity": lambda moment: stage.gravity(count, self.record, a),
-            **{name: own(force) for name, force in stage.own.items()},
+            **{name: particle_force(force) for name, force in stage.particle_forces.items()},
             "predict": predict,
             "match clusters": lambda moment: self._match(self._rotation, self._lattices.rotation, self._material.steps),
             "move to goals": move,
@@ -221,28 +223,32 @@ class Bodies(ParticlesSimulation):
         """Number of neighbours of particles beyond the MAX_NEIGHBOURS of each, since the simulation was opened."""
         return self.contacts.lost if self.contacts else 0
 
-    def _match(self, turned: np.ndarray, of_lattices: np.ndarray, arrays: ClusterArrays, look: bool = False) -> None:
-        """Compute the clusters' rotations at the current positions, into `turned` and `of_lattices`, and with their
-        centres into the frames; those of lattices only with `look`."""
+    def _match(
+        self, new_rotation: np.ndarray, of_lattices: np.ndarray, arrays: ClusterArrays, for_view: bool = False
+    ) -> None:
+        """Compute the clusters' rotations at the current positions, into `new_rotation` and `of_lattices`, and with their
+        centres into the frames; those of lattices only with `for_view`."""
         variant = self.real, self.options.math, shaping(self.plan.parts), "rigid-motion" in self.plan.parts
         make_matching_stages(*variant).match(
-            self._bands, self._even, self.layout.count, arrays, self._rotation, turned, self._frames,
+            self._bands, self._even, self.layout.count, arrays, self._rotation, new_rotation, self._frames,
             self._scratch,
         )  # fmt: skip
         if self._lattices.copies:
-            given = self._lattices.arrays, of_lattices, self._lattices.frames, look
-            make_lattice_stages(self.real, self.options.math).match(self._bands, self._even, self.layout.count, *given)
+            arguments = self._lattices.arrays, of_lattices, self._lattices.frames, for_view
+            make_lattice_stages(self.real, self.options.math).match(
+                self._bands, self._even, self.layout.count, *arguments
+            )
 
     def _state(self) -> tuple[np.ndarray, ...]:
         return self._even, self._velocity, self._rotation, self._lattices.rotation, self._material.plastic
 
     def _store_snapshot(self) -> None:
-        for kept, array in zip(self._kept, self._state(), strict=True):
-            kept[:] = array
+        for stored, array in zip(self._snapshot, self._state(), strict=True):
+            stored[:] = array
 
     def _restore(self) -> None:
-        for kept, array in zip(self._kept, self._state(), strict=True):
-            array[:] = kept
+        for stored, array in zip(self._snapshot, self._state(), strict=True):
+            array[:] = stored
 
     def _places(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
         return self._even, self._velocity, self.layout.slots, self.layout.count
@@ -287,7 +293,7 @@ class Bodies(ParticlesSimulation):
             return
         planes[:], others[:] = np.eye(QUATERNION, 1), np.eye(QUATERNION, 1)
         numba.set_num_threads(self.threads)
-        self._match(self._rotation, self._lattices.rotation, self._material.look, True)
+        self._match(self._rotation, self._lattices.rotation, self._material.view_steps, True)
 
     def _download_plastic(self) -> np.ndarray | None:
         plastic = self._material.plastic
@@ -296,15 +302,15 @@ class Bodies(ParticlesSimulation):
     def _upload_plastic(self, plastic: np.ndarray | None) -> None:
         self._material.plastic.reshape(-1, AXES, AXES)[:] = np.eye(AXES) if plastic is None else plastic
 
-    def _look(self) -> np.ndarray:
+    def _match_for_view(self) -> np.ndarray:
         """Return (clusters, 12): rotations, by rows, and centres of all clusters at the current positions."""
         numba.set_num_threads(self.threads)
-        self._match(self._turned, self._lattices.turned, self._material.look, True)
+        self._match(self._view_rotation, self._lattices.view_rotation, self._material.view_steps, True)
         return np.concatenate([self._frames, self._lattices.frames]).reshape(-1, FRAME)
 
     def _read_clusters(self) -> tuple[np.ndarray, np.ndarray]:
-        centre = self._look()[:, 9:].copy()
-        return _quaternions(self._turned, self._lattices.turned), centre
+        centre = self._match_for_view()[:, 9:].copy()
+        return _quaternions(self._view_rotation, self._lattices.view_rotation), centre
 
     def _read_deformation(self) -> np.ndarray:
-        return self._look()[:, :9].reshape(-1, AXES, AXES).copy()
+        return self._match_for_view()[:, :9].reshape(-1, AXES, AXES).copy()

@@ -14,7 +14,7 @@ from softlab.cpu_backend.contact.particles_project import PACES, make_clear, mak
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.constraints import make_colours, make_planes, make_projections
 from softlab.cpu_backend.core.layout import row_at
-from softlab.cpu_backend.core.progress import shares
+from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.core.scratch import cloth_variant
 from softlab.cpu_backend.shape_matching.bodies_bounce import make_bodies_bounce
 from softlab.cpu_backend.shape_matching.couples import make_couples
@@ -38,19 +38,21 @@ def make_substep_end(compiler: Compiler, real: Any, math: str, parts: frozenset[
     """
     of_one, has_damping = make_particles(compiler, real, parts), "cluster_damping" in parts
     begin, rate, collide, has_bodies = of_one.begin, of_one.rate, of_one.collide, bool(parts & set(COLLIDER_KINDS))
-    settle, has_pace = make_settle(compiler, real, parts), bool(parts & PACES)
+    settle, has_predicted_velocity = make_settle(compiler, real, parts), bool(parts & PACES)
     bounce, bounces = make_bounce(real, math), "contact-restitution" in parts
     bounce_bodies, has_rigid = make_bodies_bounce(real, math), "rigid-bounce" in parts
     damping, rebounds = make_damping(compiler, real, has_damping), "rigid-rebound" in parts
     gather, slow, whole = damping.gather, damping.slow, make_rebound(compiler, real, rebounds)
-    answer, go, strike, keeps = whole.answer, whole.go, of_one.strike, "rigid-motion" in parts
+    respond, go, store_impulses, keeps = whole.response, whole.go, of_one.store_impulses, "rigid-motion" in parts
     steadying = make_steadying(compiler, real, keeps)
     gather_rigid, steady = steadying.gather, steadying.steady
     rests = keeps and "sleeping" in parts
     rest, begins_last = make_rest(compiler, real, rests), rebounds or rests or has_rigid
     turning, has_couples = make_couples(compiler, real, parts), "couples" in parts
     gather_couples, turn = turning.gather, turning.turn
-    rates_apart = has_pace or bounces or has_damping or keeps or has_couples  # others read velocities before colliders
+    rates_apart = (
+        has_predicted_velocity or bounces or has_damping or keeps or has_couples
+    )  # others read velocities before colliders
 
     @compiler.compiled
     def end(team, member, bands, number, goes_on, before, after, b, contacts):
@@ -61,16 +63,16 @@ def make_substep_end(compiler: Compiler, real: Any, math: str, parts: frozenset[
         travel = arrays.rigid.travel if keeps else weights
         scattered = arrays.rigid.scattered[0] if keeps else False
         if has_couples:
-            for band in shares(team, member, bands):
-                room = row_at(scratch, np.int64(SCRATCH * LANES * band))
+            for band in assigned(team, member, bands):
+                band_scratch = row_at(scratch, np.int64(SCRATCH * LANES * band))
                 for c in range(clusters * band // bands, clusters * (band + 1) // bands):
-                    gather_couples(c, after, count, arrays, room)
+                    gather_couples(c, after, count, arrays, band_scratch)
         if rates_apart:
-            for band in shares(team, member, bands):
+            for band in assigned(team, member, bands):
                 first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
                 if has_couples:
                     turn(first, last, after, travel, weights, count, arrays)
-                if has_pace:
+                if has_predicted_velocity:
                     settle(first, last, count, before, after, contacts.rows.record, travel)
                 if bounces:
                     for axis in range(AXES):
@@ -78,12 +80,12 @@ def make_substep_end(compiler: Compiler, real: Any, math: str, parts: frozenset[
                             contacts.old[k] = velocity[k]
                 rate(first, last, count, before, after, velocity, weights, parameters, travel)
         if keeps:
-            for band in shares(team, member, bands):
-                room = row_at(scratch, np.int64(SCRATCH * LANES * band))
+            for band in assigned(team, member, bands):
+                band_scratch = row_at(scratch, np.int64(SCRATCH * LANES * band))
                 for c in range(clusters * band // bands, clusters * (band + 1) // bands):
-                    gather_rigid(c, after, velocity, count, arrays, room)
+                    gather_rigid(c, after, velocity, count, arrays, band_scratch)
             if scattered:
-                for band in shares(team, member, bands):
+                for band in assigned(team, member, bands):
                     first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
                     steady(first, last, after, velocity, count, arrays)
         if bounces and not has_rigid:
@@ -101,28 +103,28 @@ def make_substep_end(compiler: Compiler, real: Any, math: str, parts: frozenset[
                 contacts.contacts,
             )
         if has_damping:
-            for band in shares(team, member, bands):
-                room = row_at(scratch, np.int64(SCRATCH * LANES * band))
+            for band in assigned(team, member, bands):
+                band_scratch = row_at(scratch, np.int64(SCRATCH * LANES * band))
                 for c in range(clusters * band // bands, clusters * (band + 1) // bands):
-                    gather(c, after, velocity, count, arrays, arrays.damping.motions, room)
-        for band in shares(team, member, bands):
+                    gather(c, after, velocity, count, arrays, arrays.damping.motions, band_scratch)
+        for band in assigned(team, member, bands):
             first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
             if not rates_apart:
                 rate(first, last, count, before, after, velocity, weights, parameters, travel)
             if has_damping:
                 slow(first, last, after, velocity, count, arrays)
             if rebounds:
-                strike(first, last, number, before, after, velocity, weights, b.world, arrays.rebound.impulses)
+                store_impulses(first, last, number, before, after, velocity, weights, b.world, arrays.rebound.impulses)
             elif has_bodies:
                 collide(first, last, number, before, after, velocity, weights, b.world)
             if not begins_last and goes_on:
                 begin(first, last, count, after, before, velocity, weights, parameters, integers, travel)
         if rebounds:
-            for band in shares(team, member, bands):
-                room = row_at(scratch, np.int64(SCRATCH * LANES * band))
+            for band in assigned(team, member, bands):
+                band_scratch = row_at(scratch, np.int64(SCRATCH * LANES * band))
                 for c in range(clusters * band // bands, clusters * (band + 1) // bands):
-                    answer(c, after, velocity, count, arrays, room)
-            for band in shares(team, member, bands):
+                    respond(c, after, velocity, count, arrays, band_scratch)
+            for band in assigned(team, member, bands):
                 first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
                 if scattered:
                     go(first, last, after, velocity, count, arrays)
@@ -134,11 +136,11 @@ def make_substep_end(compiler: Compiler, real: Any, math: str, parts: frozenset[
                 contacts.contacts, arrays, scratch, SCRATCH * LANES,
             )  # fmt: skip
         if rests:
-            for band in shares(team, member, bands):
+            for band in assigned(team, member, bands):
                 for c in range(clusters * band // bands, clusters * (band + 1) // bands):
                     rest(c, before, after, velocity, count, arrays)
         if has_rigid or rests:
-            for band in shares(team, member, bands):
+            for band in assigned(team, member, bands):
                 first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
                 if goes_on:
                     begin(first, last, count, after, before, velocity, weights, parameters, integers, travel)
@@ -155,8 +157,8 @@ def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
     """
     compiler = Compiler(cloth_variant("bodies_together", real, math, parts), math)
     keeps = "rigid-motion" in parts
-    of_one, made = make_particles(compiler, real, parts), make_matching(real, math, shaping(parts), keeps)
-    begin, rate, collide, match, move = of_one.begin, of_one.rate, of_one.collide, made.match, made.move
+    of_one, functions = make_particles(compiler, real, parts), make_matching(real, math, shaping(parts), keeps)
+    begin, rate, collide, match, move = of_one.begin, of_one.rate, of_one.collide, functions.match, functions.move
     has_bodies, has_links = bool(parts & set(COLLIDER_KINDS)), "links" in parts
     project_links = make_projections(compiler, real, LINKS, make_planes(compiler))
     sweep_links = make_colours(compiler, [project_links], [LINKS.run])
@@ -181,7 +183,7 @@ def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
         blocks = count // LANES
         travel = arrays.rigid.travel if keeps else weights
         couples = arrays.couples.sums if has_couples else weights
-        for band in shares(team, member, bands):
+        for band in assigned(team, member, bands):
             first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
             begin(first, last, count, even, odd, velocity, weights, parameters, integers, travel)
         for n in range(passes):
@@ -190,23 +192,25 @@ def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
             if has_contacts:
                 find(team, member, bands, after, weights, contacts.rows, contacts.search)
                 if keeps:
-                    for band in shares(team, member, bands):
+                    for band in assigned(team, member, bands):
                         clear(band, contacts.search.lists, contacts.contacts)
             for iteration in range(iterations):
                 if has_links:
                     sweep_links(team, member, bands, after, weights, before, links, iteration == 0, parameters)
                 if clusters > 0:
-                    for band in shares(team, member, bands):
-                        room = row_at(b.scratch, np.int64(SCRATCH * LANES * band))
+                    for band in assigned(team, member, bands):
+                        band_scratch = row_at(b.scratch, np.int64(SCRATCH * LANES * band))
                         stop = clusters * (band + 1) // bands
                         for c in range(clusters * band // bands, stop, LANES):
-                            match(c, min(c + LANES, stop), after, count, arrays, rotation, rotation, frames, room)
+                            match(
+                                c, min(c + LANES, stop), after, count, arrays, rotation, rotation, frames, band_scratch
+                            )
                 if has_lattices:
                     match_windows(
                         team, member, bands, after, count, lattices, lattices.rotation, lattices.frames, False
                     )
                 if clusters > 0 or at_once:
-                    for band in shares(team, member, bands):
+                    for band in assigned(team, member, bands):
                         first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
                         move(first, last, after, count, b.own, frames, travel)
                         if at_once and iteration == iterations - 1:

@@ -50,8 +50,8 @@ class VertexBlockDescent(Tetrahedra):
 
     @cached_property
     def _descents(self) -> tuple[DescentArrays, ...]:
-        held = springs(self.scene.tetrahedra_set, "vbd")
-        return tuple(descent_arrays(found, self.real, self._damped, held) for found in descents(self.scene))
+        spring_set = springs(self.scene.tetrahedra_set, "vbd")
+        return tuple(descent_arrays(descent, self.real, self._damped, spring_set) for descent in descents(self.scene))
 
     @cached_property
     def _holds(self) -> np.ndarray:
@@ -59,7 +59,7 @@ class VertexBlockDescent(Tetrahedra):
         return holding(self.scene.tetrahedra_set).astype(self.real)[:, None]
 
     @cached_property
-    def _ways(self) -> np.ndarray:
+    def _iterates(self) -> np.ndarray:
         """Positions after the last two sweeps."""
         return np.zeros((2, *self._position.shape), self.real)
 
@@ -85,15 +85,15 @@ class VertexBlockDescent(Tetrahedra):
         if self.contacts is not None:
             self._staged.run(step, steps)
             return
-        method, made = self.scene.method, tuple(found.number for found in descents(self.scene))
-        make_descent_advance(*self._variant(), made, self._damped)(
+        method, numbers = self.scene.method, tuple(descent.number for descent in descents(self.scene))
+        make_descent_advance(*self._variant(), numbers, self._damped)(
             self._bands, steps, step, method.substeps, method.iterations, self._position, self._velocity, self._before,
             self._inertial, self.parameters, self.integers, self._wind, self._descents, self._holds, self.bodies, self.kinds,
-            self.driven, self._ways, self._weights,
+            self.driven, self._iterates, self._weights,
         )  # fmt: skip
 
     def _stages(self) -> dict[str, StageRun]:
-        found, stage, bands = super()._stages(), make_mesh_stages(*self._variant()), self._bands
+        stages, stage, bands = super()._stages(), make_mesh_stages(*self._variant()), self._bands
         position, velocity, before, inertial = self._position, self._velocity, self._before, self._inertial
 
         def predict(moment: Moment) -> None:
@@ -101,17 +101,17 @@ class VertexBlockDescent(Tetrahedra):
             arguments = inertial, velocity, before, self.parameters, self.integers, self._wind
             stage.predict(bands, moment.step, moment.number, *arguments)
 
-        found["predict"] = predict
+        stages["predict"] = predict
         accelerate = make_accelerate_stage(self.real, self.options.math)
-        found[ACCELERATE] = lambda moment: accelerate(bands, position, self._ways, self._weights[moment.iteration])
+        stages[ACCELERATE] = lambda moment: accelerate(bands, position, self._iterates, self._weights[moment.iteration])
         for one, arrays in zip(descents(self.scene), self._descents, strict=True):
-            found |= self._of_material(one, arrays)
-        return found
+            stages |= self._of_material(one, arrays)
+        return stages
 
     def _visits_of(self, one: Descent) -> SimpleNamespace:
         parts = visited(self.plan.parts)
-        found: SimpleNamespace = make_descent_stages(self.real, self.options.math, one.number, self._damped, parts)
-        return found
+        stages: SimpleNamespace = make_descent_stages(self.real, self.options.math, one.number, self._damped, parts)
+        return stages
 
     def _of_material(self, one: Descent, arrays: DescentArrays) -> dict[str, StageRun]:
         """Return the functions of a material's stages of the plan."""
@@ -127,11 +127,11 @@ class VertexBlockDescent(Tetrahedra):
         def start(moment: Moment) -> None:
             stage.start(bands, 0, one.free, before, velocity, inertial, position, arrays, self.parameters)
 
-        found: dict[str, StageRun] = {stage_name("start", one.material): start}
+        stages: dict[str, StageRun] = {stage_name("start", one.material): start}
         if self._damped:
             many = len(one.corners)
-            found[stage_name("strain", one.material)] = lambda moment: stage.remember(bands, 0, many, before, arrays)
+            stages[stage_name("strain", one.material)] = lambda moment: stage.remember(bands, 0, many, before, arrays)
         bounds = one.starts.tolist()
         for colour in range(one.colours):
-            found[stage_name("descend", one.material, colour)] = descend(*bounds[colour : colour + 2])
-        return found
+            stages[stage_name("descend", one.material, colour)] = descend(*bounds[colour : colour + 2])
+        return stages

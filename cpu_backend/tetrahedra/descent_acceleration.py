@@ -12,18 +12,18 @@ from softlab.model.formulas.elastic import chebyshev
 
 
 def make_accelerate(compiler: Compiler, real: Any) -> Any:
-    """Make accelerate(first, last, position, ways, w): it extrapolates particles after a sweep; `ways` (2, particles,
+    """Make accelerate(first, last, position, iterates, w): it extrapolates particles after a sweep; `iterates` (2, particles,
     4): positions after the last sweep, and after the one before it."""
     beyond, zero = chebyshev.make(real, compiler.compiled).beyond, real(0)
 
     @compiler.compiled
-    def accelerate(first, last, position, ways, w):
+    def accelerate(first, last, position, iterates, w):
         for k in range(first, last):
             if position[k, 3] > zero:
                 for axis in range(3):
-                    x = beyond(position[k, axis], ways[1, k, axis], w)
-                    ways[1, k, axis] = ways[0, k, axis]
-                    ways[0, k, axis] = x
+                    x = beyond(position[k, axis], iterates[1, k, axis], w)
+                    iterates[1, k, axis] = iterates[0, k, axis]
+                    iterates[0, k, axis] = x
                     position[k, axis] = x
 
     return accelerate
@@ -31,12 +31,12 @@ def make_accelerate(compiler: Compiler, real: Any) -> Any:
 
 @cache
 def make_accelerate_stage(real: Any, math: str) -> Any:
-    """Compile accelerate(bands, position, ways, w): one parallel loop."""
+    """Compile accelerate(bands, position, iterates, w): one parallel loop."""
     compiler = Compiler(f"chebyshev_{np.dtype(real).name}_{math}", math)
     some = make_accelerate(compiler, real)
 
-    def accelerate(band, bands, position, ways, w):
+    def accelerate(band, bands, position, iterates, w):
         count = len(position)
-        some(count * band // bands, count * (band + 1) // bands, position, ways, w)
+        some(count * band // bands, count * (band + 1) // bands, position, iterates, w)
 
     return compiler.banded(accelerate)

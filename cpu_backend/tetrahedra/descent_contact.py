@@ -17,9 +17,9 @@ from softlab.model.formulas.elastic import descent, friction, newton
 
 
 def make_meeting(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
-    """Make `met(k, sums, position, given)`: it adds the contribution of colliders to the sums of vertex k.
+    """Make `add_contact(k, sums, position, arguments)`: it adds the contribution of colliders to the sums of vertex k.
 
-    `given`: (substep, positions at its start, stiffness that holds particles, parameters, bodies, kinds). `has_bodies`:
+    `arguments`: (substep, positions at its start, stiffness that holds particles, parameters, bodies, kinds). `has_bodies`:
     true if there are colliders.
     """
     compiled, contact = compiler.compiled, make_contact(compiler, real, parts)
@@ -32,7 +32,7 @@ def make_meeting(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
     zero, has_friction = real(0), "friction" in parts
 
     @compiled
-    def answer(b, p, v, number, parameters, bodies, kinds):
+    def response(b, p, v, number, parameters, bodies, kinds):
         """Return the velocity after collision."""
         _, velocity = touch(
             bodies, kinds, number, parameters, (b[0], b[1], b[2]), (p[0], p[1], p[2]), (v[0], v[1], v[2])
@@ -40,8 +40,8 @@ def make_meeting(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
         return velocity
 
     @compiled
-    def met(k, sums, position, given):
-        number, before, holds, parameters, bodies, kinds = given
+    def add_contact(k, sums, position, arguments):
+        number, before, holds, parameters, bodies, kinds = arguments
         x, y, z, hard = within(k, number, position, before, holds, (parameters, bodies, kinds))
         if (x == zero) & (y == zero) & (z == zero):
             return sums
@@ -50,15 +50,15 @@ def make_meeting(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
         if has_friction:
             b, p = (before[k, 0], before[k, 1], before[k, 2]), (position[k, 0], position[k, 1], position[k, 2])
             n = unit(x, y, z)
-            c = answer(b, p, straight(n), number, parameters, bodies, kinds)
+            c = response(b, p, straight(n), number, parameters, bodies, kinds)
             u = slid(p, b, c, parameters.dt, n)
             t = heading(n, u)
             v = sliding(c, n, t)
-            w = answer(b, p, v, number, parameters, bodies, kinds)
+            w = response(b, p, v, number, parameters, bodies, kinds)
             sums = added(sums, rubbed(v, w, n, u, t, hard, parameters.dt))
         return sums
 
-    return SimpleNamespace(has_bodies=contact.has_bodies, met=met)
+    return SimpleNamespace(has_bodies=contact.has_bodies, add_contact=add_contact)
 
 
 @cache

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
-from softlab.cpu_backend.core.progress import shares
+from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.core.scratch import cloth_variant
 from softlab.cpu_backend.position_based.mesh_kernels import make_substep
 from softlab.cpu_backend.tetrahedra.descent_acceleration import make_accelerate
@@ -44,13 +44,13 @@ class DescentArrays(NamedTuple):
     springs: SpringArrays
 
 
-def descent_arrays(found: Descent, real: Any, damped: bool, held: Springs) -> DescentArrays:
-    count = len(found.corners) if damped else 0
+def descent_arrays(vertex_descent: Descent, real: Any, damped: bool, spring_set: Springs) -> DescentArrays:
+    count = len(vertex_descent.corners) if damped else 0
     strains = np.zeros((count, descent.STRAINS), real)
-    values = np.ascontiguousarray(found.values, real)
+    values = np.ascontiguousarray(vertex_descent.values, real)
     return DescentArrays(
-        found.order, found.starts, found.offsets, found.entries, found.falls, found.corners, values, strains,
-        held.arrays(real),
+        vertex_descent.order, vertex_descent.starts, vertex_descent.offsets, vertex_descent.entries,
+        vertex_descent.falls, vertex_descent.corners, values, strains, spring_set.arrays(real),
     )  # fmt: skip
 
 
@@ -60,16 +60,16 @@ def make_visits(real: Any, math: str, material: int, damped: bool, parts: frozen
 
     `remember(first, last, before, arrays)`: strains of tetrahedra at the start of a substep. Over the ordered vertices:
     `start(first, last, before, velocity, inertial, position, arrays, parameters)` and `descend(first, last, position,
-    inertial, arrays, parameters, given)`. `given`: substep, before, stiffness that holds particles, bodies, kinds.
+    inertial, arrays, parameters, arguments)`. `arguments`: substep, before, stiffness that holds particles, bodies, kinds.
     """
     compiler = Compiler(f"{descent.__name__.rpartition('.')[2]}_{np.dtype(real).name}_{math}", math)
     compiled = compiler.compiled
     formulas = descent.make(real, compiled, material, damped)
     element = compiler.inlined(formulas.element.py_func)
-    held, added, moved, coasted = formulas.initial_strain, formulas.added, formulas.moved, formulas.coasted
+    initial_strain, added, moved, coasted = formulas.initial_strain, formulas.added, formulas.moved, formulas.coasted
     pulled, zero, sprung = make_springs(compiler, real).pulled, real(0), bool(parts & PARTS)
     meeting = make_meeting(compiler, real, parts)
-    has_bodies, met = meeting.has_bodies, meeting.met
+    has_bodies, add_contact = meeting.has_bodies, meeting.add_contact
 
     @compiled
     def row(array, k):
@@ -91,9 +91,9 @@ def make_visits(real: Any, math: str, material: int, damped: bool, parts: frozen
     def remember(first, last, before, arrays):
         corners, values, strains = arrays.corners, arrays.values, arrays.strains
         for t in range(first, last):
-            found = held(points_of(before, corners, t, t), values_of(values, t, t, t))
+            strain = initial_strain(points_of(before, corners, t, t), values_of(values, t, t, t))
             for n in range(strains.shape[1]):
-                strains[t, n] = found[n]
+                strains[t, n] = strain[n]
 
     @compiled
     def start(first, last, before, velocity, inertial, position, arrays, parameters):
@@ -108,7 +108,7 @@ def make_visits(real: Any, math: str, material: int, damped: bool, parts: frozen
             position[vertex, 2] = z
 
     @compiled
-    def descend(first, last, position, inertial, arrays, parameters, given):
+    def descend(first, last, position, inertial, arrays, parameters, arguments):
         order, offsets, entries, corners = arrays.order, arrays.offsets, arrays.entries, arrays.corners
         values, strains = arrays.values, arrays.strains
         rate = parameters[RATE]
@@ -126,8 +126,8 @@ def make_visits(real: Any, math: str, material: int, damped: bool, parts: frozen
                 x, y, z, hard, _ = pulled(vertex, position, arrays.springs)
                 sums = added(sums, (x, y, z, hard, hard, hard, zero, zero, zero))
             if has_bodies:
-                number, before, holds, bodies, kinds = given
-                sums = met(vertex, sums, position, (number, before, holds, parameters, bodies, kinds))
+                number, before, holds, bodies, kinds = arguments
+                sums = add_contact(vertex, sums, position, (number, before, holds, parameters, bodies, kinds))
             x, y, z = moved(
                 row(position, vertex), row(inertial, vertex), position[vertex, 3], parameters[SCALE], sums
             )  # fmt: skip
@@ -144,10 +144,10 @@ def make_material(compiler: Compiler, visits: Sequence[SimpleNamespace], damped:
     `prepare(team, member, bands, before, velocity, inertial, position, descents, parameters)` and `sweep(team, member,
     bands, position, inertial, descents, parameters, given)`; `descents`: DescentArrays of each.
     """
-    found = SimpleNamespace(prepare=None, sweep=None)
+    sweeps = SimpleNamespace(prepare=None, sweep=None)
     for number in range(len(visits) - 1, -1, -1):
-        found = _of_material(compiler, number, visits[number], found, damped)
-    return found
+        sweeps = _of_material(compiler, number, visits[number], sweeps, damped)
+    return sweeps
 
 
 def _of_material(
@@ -162,27 +162,27 @@ def _of_material(
         arrays = descents[number]
         if damped:
             count = np.int64(arrays.corners.shape[0])
-            for part in shares(team, member, bands):
+            for part in assigned(team, member, bands):
                 remember(count * part // bands, count * (part + 1) // bands, before, arrays)
         free = np.int64(arrays.starts[arrays.starts.size - 1])
-        for part in shares(team, member, bands):
+        for part in assigned(team, member, bands):
             first, last = free * part // bands, free * (part + 1) // bands
             start(first, last, before, velocity, inertial, position, arrays, parameters)
         if has_others:
             prepare_others(team, member, bands, before, velocity, inertial, position, descents, parameters)
 
     @compiler.compiled
-    def sweep(team, member, bands, position, inertial, descents, parameters, given):
+    def sweep(team, member, bands, position, inertial, descents, parameters, arguments):
         arrays = descents[number]
         starts = arrays.starts
         for colour in range(starts.size - 1):
             begin, many = np.int64(starts[colour]), starts[colour + 1] - starts[colour]
             parts = bands if many >= ALONE else 1
-            for part in shares(team, member, parts):
+            for part in assigned(team, member, parts):
                 first, last = begin + many * part // parts, begin + many * (part + 1) // parts
-                descend(first, last, position, inertial, arrays, parameters, given)
+                descend(first, last, position, inertial, arrays, parameters, arguments)
         if has_others:
-            sweep_others(team, member, bands, position, inertial, descents, parameters, given)
+            sweep_others(team, member, bands, position, inertial, descents, parameters, arguments)
 
     return SimpleNamespace(prepare=prepare, sweep=sweep)
 
@@ -205,34 +205,35 @@ def make_descent_stages(real: Any, math: str, material: int, damped: bool, parts
             parameters,
         )  # fmt: skip
 
-    def descend(band, bands, first, last, position, inertial, arrays, parameters, given):
+    def descend(band, bands, first, last, position, inertial, arrays, parameters, arguments):
         many = last - first
         descend_some(
-            first + many * band // bands, first + many * (band + 1) // bands, position, inertial, arrays, parameters, given
+            first + many * band // bands, first + many * (band + 1) // bands, position, inertial, arrays, parameters,
+            arguments
         )  # fmt: skip
 
     return SimpleNamespace(**{one.__name__: compiler.banded(one) for one in (remember, start, descend)})
 
 
 @cache
-def make_descent_advance(real: Any, math: str, parts: frozenset[str], made: tuple[int, ...], damped: bool) -> Any:
+def make_descent_advance(real: Any, math: str, parts: frozenset[str], numbers: tuple[int, ...], damped: bool) -> Any:
     """Compile advance(bands, steps, step, substeps, iterations, position, velocity, before, inertial, parameters,
-    integers, wind_lists, descents, holds, bodies, kinds, driven, ways, weights): many steps in one call.
+    integers, wind_lists, descents, holds, bodies, kinds, driven, iterates, weights): many steps in one call.
 
-    `made`: the materials of the `descents`; `weights` (iterations,): of Chebyshev acceleration.
+    `numbers`: the materials of the `descents`; `weights` (iterations,): of Chebyshev acceleration.
     """
     compiler = Compiler(cloth_variant("descent", real, math, parts), math)
     whole = make_substep(compiler, real, parts)
     opening, closing = whole.opening, whole.closing
     all_materials = make_material(
-        compiler, [make_visits(real, math, one, damped, visited(parts)) for one in made], damped
+        compiler, [make_visits(real, math, one, damped, visited(parts)) for one in numbers], damped
     )
     prepare, sweep = all_materials.prepare, all_materials.sweep
     accelerate, accelerated = make_accelerate(compiler, real), CHEBYSHEV in parts
 
     def advance(
         team, member, bands, steps, step, substeps, iterations, position, velocity, before, inertial, parameters, integers,
-        wind_lists, descents, holds, bodies, kinds, driven, ways, weights,
+        wind_lists, descents, holds, bodies, kinds, driven, iterates, weights,
     ):  # fmt: skip
         count = len(position)
         for pass_number in range(steps * substeps):
@@ -243,13 +244,13 @@ def make_descent_advance(real: Any, math: str, parts: frozenset[str], made: tupl
                 bodies, driven,
             )  # fmt: skip
             prepare(team, member, bands, before, velocity, inertial, position, descents, parameters)
-            given = number, before, holds, bodies, kinds
+            arguments = number, before, holds, bodies, kinds
             for iteration in range(iterations):
-                sweep(team, member, bands, position, inertial, descents, parameters, given)
+                sweep(team, member, bands, position, inertial, descents, parameters, arguments)
                 if accelerated:
-                    for band in shares(team, member, bands):
+                    for band in assigned(team, member, bands):
                         first, last = count * band // bands, count * (band + 1) // bands
-                        accelerate(first, last, position, ways, weights[iteration])
+                        accelerate(first, last, position, iterates, weights[iteration])
             closing(team, member, bands, number, position, velocity, before, parameters, bodies, kinds, driven)
 
     return compiler.team(advance)

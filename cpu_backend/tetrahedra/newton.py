@@ -44,30 +44,40 @@ class TetrahedraNewton(QuadsSimulation):
         super().__init__(scene, options, threads)
         self.kernel = chosen_kernel(options.kernel, "implicit tetrahedral bodies", ("fused",))
         self.plan, self.integers = newton_plan(scene, options.live), self._seeds()
-        real, found = self.real, scene.tetrahedra_set
+        real, tetrahedra_set = self.real, scene.tetrahedra_set
         self._set_driven()
-        count, tetrahedra = found.particle_count, len(found.tetrahedra)
-        held = springs(found, "newton")
-        rows = block_rows(found.tetrahedra, count, held.pairs)
-        matrix = ((tetrahedra * BLOCKS + len(held.blocks), 9), (len(rows.columns), 9), (count, 6), (tetrahedra, 12))
-        rigid = aggregates(found, rows, self.body.inverse_mass > 0)
+        count, tetrahedra = tetrahedra_set.particle_count, len(tetrahedra_set.tetrahedra)
+        spring_arrays = springs(tetrahedra_set, "newton")
+        rows = block_rows(tetrahedra_set.tetrahedra, count, spring_arrays.pairs)
+        matrix = (
+            (tetrahedra * BLOCKS + len(spring_arrays.blocks), 9),
+            (len(rows.columns), 9),
+            (count, 6),
+            (tetrahedra, 12),
+        )
+        rigid = aggregates(tetrahedra_set, rows, self.body.inverse_mass > 0)
         size = MODES * rigid.number
         coarse = ((rigid.number, 4), (size, rigid.width), (1, size), (1, size))
-        hard = holding(found).astype(real)[:, None]
+        hard = holding(tetrahedra_set).astype(real)[:, None]
         groups, vectors = -(-max(count, tetrahedra) // SUMMED), VECTORS + stage_vectors(self.plan.parts)
-        corners, values = np.ascontiguousarray(found.tetrahedra, np.int32), element_values(found).astype(real)
+        corners, values = (
+            np.ascontiguousarray(tetrahedra_set.tetrahedra, np.int32),
+            element_values(tetrahedra_set).astype(real),
+        )
         self._solver = Solver(
-            Elements(corners, material_of(found), values), rows, held.arrays(real),
+            Elements(corners, material_of(tetrahedra_set), values), rows, spring_arrays.arrays(real),
             Vectors(*(np.zeros((count, 3), real) for _ in range(vectors))),
             Matrix(*[*(np.zeros(shape, real) for shape in matrix), hard]), np.zeros((SUMS, groups), real),
             rigid, Coarse(*(np.zeros(shape, real) for shape in coarse)),
         )  # fmt: skip
-        self._solver.matrix.element_blocks[tetrahedra * BLOCKS :] = held.blocks
-        self._floor = real(rounding_floor(found, real) + rounding_of(held, found.extent, real))
+        self._solver.matrix.element_blocks[tetrahedra * BLOCKS :] = spring_arrays.blocks
+        self._floor = real(
+            rounding_floor(tetrahedra_set, real) + rounding_of(spring_arrays, tetrahedra_set.extent, real)
+        )
         self._control, self.done = np.zeros(1, control_type(real)), np.zeros(len(passes.DONE), np.int64)
         self._allocate(groups)
-        self._velocity[:, 3] = found.damping_rates
-        self._lists = surface_lists(found, False)
+        self._velocity[:, 3] = tetrahedra_set.damping_rates
+        self._lists = surface_lists(tetrahedra_set, False)
         self._executor = Executor(self.plan, {}, self._advance)
         self.reset()
 

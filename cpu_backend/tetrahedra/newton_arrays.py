@@ -11,7 +11,7 @@ from softlab.model.tetrahedra.block_rows import BlockRows
 from softlab.model.tetrahedra.newton_arrays import Elements, Matrix
 from softlab.model.tetrahedra.springs import SpringArrays
 
-Absent = tuple[()]
+Empty = tuple[()]
 
 
 class Inputs(NamedTuple):
@@ -39,9 +39,9 @@ class Vectors(NamedTuple):
     residual: np.ndarray
     direction: np.ndarray
     product: np.ndarray
-    first_velocity: np.ndarray | Absent = ()
-    first_start: np.ndarray | Absent = ()
-    first_end: np.ndarray | Absent = ()
+    first_velocity: np.ndarray | Empty = ()
+    first_start: np.ndarray | Empty = ()
+    first_end: np.ndarray | Empty = ()
 
 
 class Coarse(NamedTuple):

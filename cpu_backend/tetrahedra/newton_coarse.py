@@ -51,7 +51,7 @@ def make_coarse(compiler: Compiler, real: Any) -> SimpleNamespace:
     @compiled
     def gather(first, last, position, rows, blocks, groups, coarse):
         row_starts, row_columns = rows.starts, rows.columns
-        starts, reach = groups.starts, groups.reach
+        starts, last_column = groups.starts, groups.reach
         centres, band = coarse.centres, coarse.band
         for group in range(first, last):
             for i in range(MODES * group, MODES * (group + 1)):
@@ -62,19 +62,19 @@ def make_coarse(compiler: Compiler, real: Any) -> SimpleNamespace:
                 d = arm_of(k, group, position, centres)
                 for b in range(row_starts[k], row_starts[k + 1]):
                     other = groups.group[row_columns[b]]
-                    if other < group or MODES * other > reach[MODES * group]:  # a group of another body
+                    if other < group or MODES * other > last_column[MODES * group]:  # a group of another body
                         continue
                     e = arm_of(row_columns[b], other, position, centres)
                     m = (
                         blocks[b, 0], blocks[b, 1], blocks[b, 2], blocks[b, 3], blocks[b, 4], blocks[b, 5], blocks[b, 6],
                         blocks[b, 7], blocks[b, 8],
                     )  # fmt: skip
-                    found = columns(d, e, m)
+                    block = columns(d, e, m)
                     for j in range(MODES):
                         for i in range(MODES):
                             place = MODES * (other - group) + j - i
                             if place >= 0:
-                                band[MODES * group + i, place] = band[MODES * group + i, place] + found[j][i]
+                                band[MODES * group + i, place] = band[MODES * group + i, place] + block[j][i]
 
     @compiled
     def restrict(first, last, position, residual, groups, coarse):
@@ -93,11 +93,11 @@ def make_coarse(compiler: Compiler, real: Any) -> SimpleNamespace:
 
     @compiled
     def corrected(k, position, groups, coarse):
-        group, found = groups.group[k], coarse.solution
+        group, solution = groups.group[k], coarse.solution
         place = MODES * group
         y = (
-            found[0, place], found[0, place + 1], found[0, place + 2], found[0, place + 3], found[0, place + 4],
-            found[0, place + 5],
+            solution[0, place], solution[0, place + 1], solution[0, place + 2], solution[0, place + 3],
+            solution[0, place + 4], solution[0, place + 5],
         )  # fmt: skip
         return motion(arm_of(k, group, position, coarse.centres), y)
 
@@ -110,14 +110,14 @@ def make_band(compiler: Compiler, real: Any) -> SimpleNamespace:
     compiled, pivot = compiler.compiled, formulas_of.make(real, compiler.compiled).pivot
 
     @compiled
-    def subtract(band, i, k, many, share):
-        """Subtract `share` times row k, from column i on, from row i, `many` entries."""
+    def subtract(band, i, k, many, factor):
+        """Subtract `factor` times row k, from column i on, from row i, `many` entries."""
         for j in range(many):
-            band[i, j] = band[i, j] - share * band[k, i - k + j]
+            band[i, j] = band[i, j] - factor * band[k, i - k + j]
 
     @compiled
     def factor(coarse, groups):
-        band, reach, size = coarse.band, groups.reach, coarse.band.shape[0]
+        band, last_columns, size = coarse.band, groups.reach, coarse.band.shape[0]
         entries = coarse.diagonal
         for k in range(size):
             entries[0, k] = band[k, 0]
@@ -125,7 +125,7 @@ def make_band(compiler: Compiler, real: Any) -> SimpleNamespace:
         for k in range(size):
             inverse, negative = pivot(band[k, 0], entries[0, k])
             bad = bad or negative
-            last = np.int64(reach[k])
+            last = np.int64(last_columns[k])
             band[k, 0] = inverse  # inverse of U's diagonal
             for j in range(1, last - k + 1):
                 band[k, j] = inverse * band[k, j]
@@ -135,17 +135,19 @@ def make_band(compiler: Compiler, real: Any) -> SimpleNamespace:
 
     @compiled
     def solve(coarse, groups):
-        band, found, reach, size = coarse.band, coarse.solution, groups.reach, coarse.band.shape[0]
+        band, solution, last_columns, size = coarse.band, coarse.solution, groups.reach, coarse.band.shape[0]
         for k in range(size):
-            y = band[k, 0] * found[0, k]
-            found[0, k] = y
-            for j in range(1, np.int64(reach[k]) - k + 1):
-                found[0, k + j] = found[0, k + j] - y * band[k, j]
+            y = band[k, 0] * solution[0, k]
+            solution[0, k] = y
+            for j in range(1, np.int64(last_columns[k]) - k + 1):
+                solution[0, k + j] = solution[0, k + j] - y * band[k, j]
         for m in range(size):
             k = size - 1 - m
-            total = found[0, k]
-            for j in range(np.int64(reach[k]) - k, 0, -1):  # the entry known first comes first: a GPU need not wait
-                total = total - band[k, j] * found[0, k + j]
-            found[0, k] = band[k, 0] * total
+            total = solution[0, k]
+            for j in range(
+                np.int64(last_columns[k]) - k, 0, -1
+            ):  # the entry known first comes first: a GPU need not wait
+                total = total - band[k, j] * solution[0, k + j]
+            solution[0, k] = band[k, 0] * total
 
     return SimpleNamespace(factor=factor, solve=solve)

@@ -13,11 +13,11 @@ from softlab.model.tetrahedra.newton import AT_ALPHA, AT_DAMPING, AT_LAME, AT_MU
 
 
 def make_elements(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
-    """Make `look` and `blocks`, both with the terms of dampers.
+    """Make `energies` and `blocks`, both with the terms of dampers.
 
-    `look(first, last, points, since, elements, forces, sums)`: energies, and forces on the four corners, of the
+    `energies(first, last, points, since, elements, forces, sums)`: energies, and forces on the four corners, of the
     tetrahedra of the groups `first` to before `last` of SUMMED. `blocks(first, last, points, since, elements, safe,
-    found)`: their tangents, in rows of BLOCKS blocks. `since`: Since of newton_arrays.py.
+    blocks_out)`: their tangents, in rows of BLOCKS blocks. `since`: Since of newton_arrays.py.
     """
     compiled = compiler.compiled
     elastic, shape = deformation.make_gradient(real, compiled), tangent.make(real, compiled)
@@ -49,7 +49,7 @@ def make_elements(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simpl
         forces[n, 3 * corner + 2] = volume * g[2]
 
     @compiled
-    def look(first, last, points, since, elements, forces, sums):
+    def energies(first, last, points, since, elements, forces, sums):
         corners, materials, values = elements
         for group in range(first, last):
             total, unsure = zero, zero
@@ -57,9 +57,9 @@ def make_elements(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simpl
                 material, rest, volume = materials[n], rest_of(values, n), values[n, AT_VOLUME]
                 f = deformed(points, corners, rest, n)
                 r = f if material == HOOKEAN else rotation(f)
-                held, p = stress(material, f, r, values[n, AT_MU], values[n, AT_LAME], values[n, AT_ALPHA])
-                energy = volume * held
-                off = doubt(held, volume, values[n, AT_MU], values[n, AT_LAME], material == HOOKEAN)
+                energy_density, p = stress(material, f, r, values[n, AT_MU], values[n, AT_LAME], values[n, AT_ALPHA])
+                energy = volume * energy_density
+                off = doubt(energy_density, volume, values[n, AT_MU], values[n, AT_LAME], material == HOOKEAN)
                 if damped:
                     mu, lame = scaled(values[n, AT_DAMPING], since.rate, values[n, AT_MU], values[n, AT_LAME])
                     lost, pull = viscous(n, points, f, rest, since, corners, mu, lame)
@@ -74,19 +74,19 @@ def make_elements(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simpl
             sums[0, group], sums[1, group] = total, unsure
 
     @compiled
-    def complete(first, found):
+    def complete(first, blocks_out):
         """Compute the blocks of the first corner: with the others of a row they sum to zero."""
         for i in range(3):
             for j in range(3):
                 m, t = 3 * i + j, 3 * j + i
-                b = -((found[first + 4, m] + found[first + 5, t]) + found[first + 6, t])
-                c = -((found[first + 5, m] + found[first + 7, m]) + found[first + 8, t])
-                d = -((found[first + 6, m] + found[first + 8, m]) + found[first + 9, m])
-                found[first, m], found[first + 1, m] = -((b + c) + d), b
-                found[first + 2, m], found[first + 3, m] = c, d
+                b = -((blocks_out[first + 4, m] + blocks_out[first + 5, t]) + blocks_out[first + 6, t])
+                c = -((blocks_out[first + 5, m] + blocks_out[first + 7, m]) + blocks_out[first + 8, t])
+                d = -((blocks_out[first + 6, m] + blocks_out[first + 8, m]) + blocks_out[first + 9, m])
+                blocks_out[first, m], blocks_out[first + 1, m] = -((b + c) + d), b
+                blocks_out[first + 2, m], blocks_out[first + 3, m] = c, d
 
     @compiled
-    def blocks(first, last, points, since, elements, safe, found):
+    def blocks(first, last, points, since, elements, safe, blocks_out):
         corners, materials, values = elements
         for n in range(first * SUMMED, min(last * SUMMED, len(corners))):
             rest = rest_of(values, n)
@@ -110,11 +110,11 @@ def make_elements(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simpl
                     if damped:
                         h = added(h, f, ff, pull, mu, lame, rows[p], rows[q])
                     for m in range(9):
-                        found[place, m] = weight * h[m]
+                        blocks_out[place, m] = weight * h[m]
                     place += 1
-            complete(n * BLOCKS, found)
+            complete(n * BLOCKS, blocks_out)
 
-    return SimpleNamespace(look=look, blocks=blocks)
+    return SimpleNamespace(energies=energies, blocks=blocks)
 
 
 def make_row(compiler: Compiler) -> Any:

@@ -21,12 +21,12 @@ def make_matrix_rows(compiler: Compiler, real: Any, parts: frozenset[str], conta
     zero, one = real(0), real(1)
 
     @compiled
-    def assemble(first, last, number, position, target, before, rows, matrix, given, sums):
+    def assemble(first, last, number, position, target, before, rows, matrix, inputs, sums):
         """Assemble the rows of the matrix and the inverses of their diagonal blocks; sums[0]: how many of these are not
         positive."""
         starts, diagonal = rows.starts, rows.diagonal
         blocks, inverses = matrix.blocks, matrix.inverses
-        parameters = given.parameters
+        parameters = inputs.parameters
         for group in range(first, last):
             bad = zero
             for k in range(group * SUMMED, min((group + 1) * SUMMED, len(diagonal))):
@@ -39,7 +39,7 @@ def make_matrix_rows(compiler: Compiler, real: Any, parts: frozenset[str], conta
                     blocks[n, 4 * axis] = blocks[n, 4 * axis] + inertia
                 if has_bodies:
                     x, y, z, hard = nearly_within(
-                        k, number, position, target, before, matrix.stiffness, (parameters, given.bodies, given.kinds)
+                        k, number, position, target, before, matrix.stiffness, (parameters, inputs.bodies, inputs.kinds)
                     )
                     a, b, c, d, e, f = outer(x, y, z, hard)
                     blocks[n, 0], blocks[n, 4], blocks[n, 8] = blocks[n, 0] + a, blocks[n, 4] + d, blocks[n, 8] + f
@@ -78,10 +78,10 @@ def make_product(compiler: Compiler, real: Any) -> Any:
 
 
 def make_gather(compiler: Compiler) -> Any:
-    """Make gather(n, rows, found, into): block `n` of the rows, summed over its tetrahedra and springs."""
+    """Make gather(n, rows, element_blocks, into): block `n` of the rows, summed over its tetrahedra and springs."""
 
     @compiler.compiled
-    def gather(n, rows, found, into):
+    def gather(n, rows, element_blocks, into):
         sources, items = rows.sources, rows.items
         for m in range(9):
             into[n, m] = 0
@@ -91,9 +91,9 @@ def make_gather(compiler: Compiler) -> Any:
             if item & 1:
                 for i in range(AXES):
                     for j in range(AXES):
-                        into[n, 3 * i + j] = into[n, 3 * i + j] + found[place, 3 * j + i]
+                        into[n, 3 * i + j] = into[n, 3 * i + j] + element_blocks[place, 3 * j + i]
             else:
                 for m in range(9):
-                    into[n, m] = into[n, m] + found[place, m]
+                    into[n, m] = into[n, m] + element_blocks[place, m]
 
     return gather

@@ -93,16 +93,16 @@ def make_moving(
     """Make `weigh`, the potential's gradient at the positions and the rest of its energy, and `move`, `accept`, `put`,
     over groups."""
     compiled, formulas = compiler.compiled, newton.make(real, compiler.compiled)
-    inertia_of, kept, moved = formulas.inertia_of, formulas.inertial_energy, formulas.moved
+    inertia_of, inertial_energy, moved = formulas.inertia_of, formulas.inertial_energy, formulas.moved
     has_bodies, within = contact.has_bodies, contact.within
     zero = real(0)
     pulled, sprung = make_springs(compiler, real).pulled, bool(parts & PARTS)
 
     @compiled
-    def weigh(first, last, number, position, before, given, solver):
+    def weigh(first, last, number, position, before, inputs, solver):
         rows, vectors, matrix, sums = solver.rows, solver.vectors, solver.matrix, solver.sums
-        target, gradient, parameters = vectors.target, vectors.trial, given.parameters
-        meets, corners, forces = rows.meets, rows.corners, matrix.forces
+        target, gradient, parameters = vectors.target, vectors.trial, inputs.parameters
+        offsets, corners, forces = rows.meets, rows.corners, matrix.forces
         for group in range(first, last):
             total = zero
             for k in range(group * SUMMED, min((group + 1) * SUMMED, len(position))):
@@ -110,35 +110,35 @@ def make_moving(
                     continue
                 inertia = inertia_of(parameters.newton_inertia, before[k, 3])
                 x, y, z = position[k, 0] - target[k, 0], position[k, 1] - target[k, 1], position[k, 2] - target[k, 2]
-                own = kept(inertia, x, y, z)
+                energy = inertial_energy(inertia, x, y, z)
                 x, y, z = inertia * x, inertia * y, inertia * z
-                for n in range(meets[k], meets[k + 1]):
+                for n in range(offsets[k], offsets[k + 1]):
                     tetrahedron, corner = corners[n] >> 2, AXES * (corners[n] & 3)
                     x = x + forces[tetrahedron, corner]
                     y = y + forces[tetrahedron, corner + 1]
                     z = z + forces[tetrahedron, corner + 2]
                 if sprung:
-                    p, q, r, _, held = pulled(k, position, solver.springs)
-                    own, x, y, z = own + held, x + p, y + q, z + r
+                    p, q, r, _, spring_energy = pulled(k, position, solver.springs)
+                    energy, x, y, z = energy + spring_energy, x + p, y + q, z + r
                 if has_bodies:
                     p, q, r, hard = within(
-                        k, number, position, before, matrix.stiffness, (parameters, given.bodies, given.kinds)
+                        k, number, position, before, matrix.stiffness, (parameters, inputs.bodies, inputs.kinds)
                     )
-                    own = own + kept(hard, p, q, r)
+                    energy = energy + inertial_energy(hard, p, q, r)
                     x, y, z = x + hard * p, y + hard * q, z + hard * r
                 gradient[k, 0], gradient[k, 1], gradient[k, 2] = x, y, z
-                total = total + own
+                total = total + energy
             sums[0, group], sums[1, group] = total, zero
 
     @compiled
-    def move(first, last, share, position, before, vectors, sums):
+    def move(first, last, fraction, position, before, vectors, sums):
         current, gradient, solution = vectors.current, vectors.gradient, vectors.solution
         for group in range(first, last):
             total = zero
             for k in range(group * SUMMED, min((group + 1) * SUMMED, len(position))):
                 if before[k, 3] > zero:
                     for axis in range(AXES):
-                        position[k, axis] = moved(current[k, axis], share, solution[k, axis])
+                        position[k, axis] = moved(current[k, axis], fraction, solution[k, axis])
                     total = total + dot(gradient, solution, k)
             sums[0, group] = total
 

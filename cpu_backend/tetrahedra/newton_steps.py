@@ -14,7 +14,7 @@ import numpy as np
 
 from softlab.cpu_backend.contact.pins import make_drive
 from softlab.cpu_backend.core.compile import Compiler
-from softlab.cpu_backend.core.progress import shares
+from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.core.scratch import cloth_variant
 from softlab.cpu_backend.position_based.mesh_kernels import make_begin, make_end
 from softlab.cpu_backend.tetrahedra.newton_arrays import Since
@@ -50,11 +50,11 @@ def make_substep_ends(
     ahead, staged, damped = stages.make(real, compiler.compiled), STAGED in parts, DAMPED in parts
 
     @compiler.compiled
-    def begin_stage(low, high, number, state, given, vectors):
+    def begin_stage(low, high, number, state, inputs, vectors):
         """Start a stage of a substep. The first one saves its velocities, and for dampers its positions, at its start
         and end; the second one starts from an extrapolation of the first one's end."""
         position, velocity, before = state
-        start, h = vectors.first_velocity, given.parameters.dt
+        start, h = vectors.first_velocity, inputs.parameters.dt
         for k in range(low, high):
             for axis in range(3):
                 if damped:
@@ -68,26 +68,28 @@ def make_substep_ends(
                     )
 
     @compiler.compiled
-    def drive_between(low, high, number, state, given):
+    def drive_between(low, high, number, state, inputs):
         """Move the pins among the particles `low` to before `high`."""
         position, velocity, _ = state
-        parameters, bodies, driven = given.parameters, given.bodies, given.driven
+        parameters, bodies, driven = inputs.parameters, inputs.bodies, inputs.driven
         for n in range(driven.size):
             if low <= driven[n] and driven[n] < high:
                 drive(n, n + 1, number, position, velocity, parameters, bodies, driven)
 
     @compiler.compiled
-    def begin_groups(first, last, frame, number, state, given, vectors):
+    def begin_groups(first, last, frame, number, state, inputs, vectors):
         position, velocity, before = state
         low, high = first * SUMMED, min(last * SUMMED, len(position))
         if staged:
-            begin_stage(low, high, number, state, given, vectors)
+            begin_stage(low, high, number, state, inputs, vectors)
         for k in range(low, high):
             for axis in range(position.shape[1]):
                 before[k, axis] = position[k, axis]
-        begin(low, high, frame, number, before, velocity, position, given.parameters, given.integers, given.wind_lists)
+        begin(
+            low, high, frame, number, before, velocity, position, inputs.parameters, inputs.integers, inputs.wind_lists
+        )
         if has_motion:
-            drive_between(low, high, number, state, given)
+            drive_between(low, high, number, state, inputs)
         target = vectors.target
         for k in range(low, high):
             for axis in range(3):
@@ -95,13 +97,13 @@ def make_substep_ends(
         put(first, last, position, before, before)
 
     @compiler.compiled
-    def finish_groups(first, last, number, state, given, matrix):
+    def finish_groups(first, last, number, state, inputs, matrix):
         position, velocity, before = state
-        parameters, bodies, kinds = given.parameters, given.bodies, given.kinds
+        parameters, bodies, kinds = inputs.parameters, inputs.bodies, inputs.kinds
         low, high = first * SUMMED, min(last * SUMMED, len(position))
         update_velocity(low, high, before, position, velocity, parameters)
         if has_motion:
-            drive_between(low, high, number, state, given)
+            drive_between(low, high, number, state, inputs)
         if has_bodies:
             pressed(low, high, number, position, velocity, before, matrix.stiffness, (parameters, bodies, kinds))
             collide(low, high, number, before, position, velocity, parameters, bodies, kinds)
@@ -110,9 +112,9 @@ def make_substep_ends(
 
 
 def make_pass(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """Make one_pass(control, band, bands, frame, number, state, given, solver): a pass on a band.
+    """Make one_pass(control, band, bands, frame, number, state, inputs, solver): a pass on a band.
 
-    `control`: the record of control_type; `state`: (position, velocity, before); `given`: Inputs; `solver`: Solver of
+    `control`: the record of control_type; `state`: (position, velocity, before); `inputs`: Inputs; `solver`: Solver of
     newton_arrays.py.
     """
     contact = make_contact(compiler, real, parts)
@@ -120,7 +122,7 @@ def make_pass(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     level = make_coarse(compiler, real)
     solving = make_solving(compiler, real, of_rows.apply, level.corrected)
     moving = make_moving(compiler, real, parts, solving.dot, contact)
-    look, blocks, assemble = elements.look, elements.blocks, of_rows.assemble
+    energies, blocks, assemble = elements.energies, elements.blocks, of_rows.assemble
     start, product, update, direct = solving.start, solving.product, solving.update, solving.direct
     correct, centre, gather, restrict = solving.correct, level.centre, level.gather, level.restrict
     weigh, move, accept, put = moving.weigh, moving.move, moving.accept, moving.put
@@ -129,12 +131,12 @@ def make_pass(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     two_stages = DAMPED in parts and STAGED in parts
 
     @compiler.compiled
-    def matrix_pass(control, first, last, number, state, given, solver):
+    def matrix_pass(control, first, last, number, state, inputs, solver):
         rows, vectors, matrix, sums = solver.rows, solver.vectors, solver.matrix, solver.sums
         groups, coarse, kind = solver.groups, solver.coarse, control.next
         position, _, before = state
         if kind == passes.ROWS:
-            assemble(first, last, number, position, vectors.target, before, rows, matrix, given, sums)
+            assemble(first, last, number, position, vectors.target, before, rows, matrix, inputs, sums)
         elif kind == passes.SOLVE:
             start(first, last, before, vectors)
         elif kind == passes.PRODUCT:
@@ -157,32 +159,32 @@ def make_pass(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
         """Return the number of items that bands divide: groups, or SUMMED tetrahedra or particles each."""
         if kind in (passes.CENTRES, passes.COARSE, passes.RESTRICT):
             return np.int64(groups)
-        of_elements = kind in (passes.LOOK, passes.BLOCKS)
+        of_elements = kind in (passes.ENERGIES, passes.BLOCKS)
         return ((tetrahedra if of_elements else particles) + SUMMED - 1) // SUMMED
 
     @compiler.compiled
-    def since_of(number, before, given, vectors):
-        rate = given.parameters.newton_rate
+    def since_of(number, before, inputs, vectors):
+        rate = inputs.parameters.newton_rate
         if two_stages:
             return Since(rate, before, vectors.first_start, vectors.first_end, number % 2 == 1)
         return Since(rate, before, before, before, False)
 
     @compiler.compiled
-    def one_pass(control, band, bands, frame, number, state, given, solver):
+    def one_pass(control, band, bands, frame, number, state, inputs, solver):
         position, _, before = state
         elements, vectors, matrix, sums = solver.elements, solver.vectors, solver.matrix, solver.sums
         kind = control.next
         many = items_of(kind, len(elements.corners), len(position), len(solver.groups.starts) - 1)
         first, last = many * band // bands, many * (band + 1) // bands
         if kind == passes.BEGIN:
-            begin_groups(first, last, frame, number, state, given, vectors)
-        elif kind == passes.LOOK:
-            look(first, last, position, since_of(number, before, given, vectors), elements, matrix.forces, sums)
+            begin_groups(first, last, frame, number, state, inputs, vectors)
+        elif kind == passes.ENERGIES:
+            energies(first, last, position, since_of(number, before, inputs, vectors), elements, matrix.forces, sums)
         elif kind == passes.BLOCKS:
-            since = since_of(number, before, given, vectors)
+            since = since_of(number, before, inputs, vectors)
             blocks(first, last, position, since, elements, control.safe != 0, matrix.element_blocks)
         elif kind == passes.WEIGH:
-            weigh(first, last, number, position, before, given, solver)
+            weigh(first, last, number, position, before, inputs, solver)
         elif kind == passes.MOVE:
             move(first, last, control.share, position, before, vectors, sums)
         elif kind == passes.ACCEPT:
@@ -192,16 +194,16 @@ def make_pass(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
         elif kind == passes.AHEAD:
             put(first, last, position, before, vectors.target)
         elif kind == passes.FINISH:
-            finish_groups(first, last, number, state, given, matrix)
+            finish_groups(first, last, number, state, inputs, matrix)
         else:
-            matrix_pass(control, first, last, number, state, given, solver)
+            matrix_pass(control, first, last, number, state, inputs, solver)
 
     return one_pass
 
 
 @cache
 def make_newton_advance(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """Compile advance(bands, steps, step, solves, iterations, floor, state, given, solver, control, done): many steps
+    """Compile advance(bands, steps, step, solves, iterations, floor, state, inputs, solver, control, done): many steps
     in one call.
 
     `control` (1,): control_type; `done` (DONE,) is incremented.
@@ -212,10 +214,10 @@ def make_newton_advance(real: Any, math: str, parts: frozenset[str]) -> Any:
 
     @compiler.compiled
     def total(sums, place, groups):
-        found = zero
+        result = zero
         for group in range(groups):
-            found = found + sums[place, group]
-        return found
+            result = result + sums[place, group]
+        return result
 
     band = make_band(compiler, real)
     factor, solve, one = band.factor, band.solve, real(1)
@@ -233,9 +235,9 @@ def make_newton_advance(real: Any, math: str, parts: frozenset[str]) -> Any:
     def go_on(c, iterations, floor, particles, solver, done):
         """Choose the next pass from the sums of the last one. `c`: the record of control_type."""
         kind, sums = c.next, solver.sums
-        groups = ((len(solver.elements.corners) if kind == passes.LOOK else particles) + SUMMED - 1) // SUMMED
+        groups = ((len(solver.elements.corners) if kind == passes.ENERGIES else particles) + SUMMED - 1) // SUMMED
         first = alone(kind, solver, total(sums, 0, groups))
-        second = total(sums, 1, groups) if kind == passes.LOOK else zero
+        second = total(sums, 1, groups) if kind == passes.ENERGIES else zero
         counts = passes.Counts(c.phase, c.safe, c.products, c.steps, c.halvings)
         values = passes.Values(
             c.energy, c.trial, c.noise, c.squared, c.enough, c.alpha, c.beta, c.share, c.slope, c.unsure
@@ -243,7 +245,7 @@ def make_newton_advance(real: Any, math: str, parts: frozenset[str]) -> Any:
         later, counts, values = after(kind, counts, values, first, second, iterations, floor)
         c.phase, c.safe, c.products, c.steps, c.halvings = counts
         c.energy, c.trial, c.noise, c.squared, c.enough, c.alpha, c.beta, c.share, c.slope, c.unsure = values
-        done[passes.LOOKS] += kind == passes.LOOK
+        done[passes.EVALUATIONS] += kind == passes.ENERGIES
         done[passes.MATRICES] += kind == passes.ROWS
         done[passes.PRODUCTS] += kind == passes.PRODUCT
         if kind == passes.FINISH:
@@ -253,15 +255,15 @@ def make_newton_advance(real: Any, math: str, parts: frozenset[str]) -> Any:
         c.next = later
 
     def advance(
-        team, member, bands, steps, step, solves, iterations, floor, state, given, solver, control, done
+        team, member, bands, steps, step, solves, iterations, floor, state, inputs, solver, control, done
     ):  # fmt: skip
         position, _, _ = state
         while control[0].solved < steps * solves:  # it only grows: a late member sees that all is done
-            for band in shares(team, member, bands):
+            for band in assigned(team, member, bands):
                 number = control[0].solved
                 frame, number = step + number // solves, step * solves + number
-                one_pass(control[0], band, bands, frame, number, state, given, solver)
-            for _ in shares(team, member, 1):
+                one_pass(control[0], band, bands, frame, number, state, inputs, solver)
+            for _ in assigned(team, member, 1):
                 go_on(control[0], iterations, floor, len(position), solver, done)
 
     return compiler.team(advance)

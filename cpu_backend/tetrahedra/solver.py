@@ -34,8 +34,8 @@ class Tetrahedra(MeshPositionBased):
     def _plan_of(self, scene: Scene, live: frozenset[str]) -> Plan:
         return tetrahedra_plan(scene, live)
 
-    def _allocate(self, shares: int) -> None:
-        super()._allocate(shares)
+    def _allocate(self, max_bands: int) -> None:
+        super()._allocate(max_bands)
         self._velocity[:, 3] = self.scene.tetrahedra_set.damping_rates
 
     def _constraints(self) -> tuple[list[ConstraintSet], tuple[Projection, ...]]:
@@ -60,26 +60,26 @@ class Tetrahedra(MeshPositionBased):
             contacts.change(self.scene)
 
     def _stages(self) -> dict[str, StageRun]:
-        found, contacts = super()._stages(), self.contacts
+        stages, contacts = super()._stages(), self.contacts
         if contacts is not None:
             position, before = self._position, self._before
-            found["find contacts"] = lambda moment: contacts.find(before, position)
-            found["project contacts"] = lambda moment: contacts.project(before, position)
+            stages["find contacts"] = lambda moment: contacts.find(before, position)
+            stages["project contacts"] = lambda moment: contacts.project(before, position)
         if SLEEPING in self.plan.parts:
-            found[SLEEP] = self._sleep()
-        return found
+            stages[SLEEP] = self._sleep()
+        return stages
 
     def _sleep(self) -> StageRun:
         """Return the stage that keeps slow vertices in place."""
-        stage, found, bands = (
+        stage, tetrahedra_set, bands = (
             make_sleep_stages(self.real, self.options.math), self.scene.tetrahedra_set, self._bands
         )  # fmt: skip
-        near = neighbours(found.tetrahedra, found.particle_count)
-        slow, speed = np.zeros(found.particle_count, np.int32), self.real(self.scene.method.sleeping_speed)
+        near = neighbours(tetrahedra_set.tetrahedra, tetrahedra_set.particle_count)
+        slow, speed = np.zeros(tetrahedra_set.particle_count, np.int32), self.real(self.scene.method.sleeping_speed)
 
         def run(moment: Moment) -> None:
-            stage.look(bands, self._velocity, self._earlier, slow, speed, self.parameters)
-            stage.keep(
+            stage.find_slow(bands, self._velocity, self._earlier, slow, speed, self.parameters)
+            stage.restore_resting(
                 bands, self._before, self._position, self._velocity, self._earlier, slow, near.offsets, near.indices
             )
 

@@ -24,9 +24,9 @@ def make_springs(compiler: Compiler, real: Any) -> SimpleNamespace:
 
     @compiled
     def pulled(k, position, springs):
-        meets, entries, corners, values = springs
+        offsets, entries, corners, values = springs
         x, y, z, hard, total = zero, zero, zero, zero, zero
-        for n in range(meets[k], meets[k + 1]):
+        for n in range(offsets[k], offsets[k + 1]):
             entry = entries[n]
             one = entry >> 4
             points = (
@@ -37,10 +37,10 @@ def make_springs(compiler: Compiler, real: Any) -> SimpleNamespace:
                 values[one, 0], values[one, 1], values[one, 2], values[one, 3], values[one, 4], values[one, 5],
                 values[one, 6], values[one, 7],
             )  # fmt: skip
-            p, q, r, own, held = pull(points, numbers, (entry >> 1) & 7)
-            x, y, z, hard = x + p, y + q, z + r, hard + own
+            p, q, r, stiffness, energy = pull(points, numbers, (entry >> 1) & 7)
+            x, y, z, hard = x + p, y + q, z + r, hard + stiffness
             if entry & 1:
-                total = total + held
+                total = total + energy
         return x, y, z, hard, total
 
     return SimpleNamespace(pulled=pulled)

@@ -18,7 +18,7 @@ AXES = 3
 
 
 @cache
-def make_ways(real: Any) -> SimpleNamespace:
+def make_transfers(real: Any) -> SimpleNamespace:
     """Compile `take`, `give` and `carry`.
 
     `take(bands, flat, slots, stride, first, rows)`: coordinate `axis` of row first + k is flat[slots[k] + axis *
@@ -66,7 +66,7 @@ class Joined:
         real = next(iter(members.values())).real
         self.before, self.position = (np.zeros((len(particles), AXES), real) for _ in range(2))
         self.weights = np.ascontiguousarray(weights[particles], real)
-        self._bands, self._ways = bands, make_ways(real)
+        self._bands, self._transfers = bands, make_transfers(real)
         self._members: list[tuple[np.ndarray, np.ndarray, np.ndarray, int, int]] = []
         self._inertial: list[np.ndarray | None] = []
         for name, member in members.items():
@@ -74,21 +74,21 @@ class Joined:
             first, stop = np.searchsorted(particles, [place.start, place.stop])
             if stop > first:
                 position, _, slots, stride = member._places()
-                own = np.ascontiguousarray(slots[particles[first:stop] - place.start])
-                self._members.append((position, member.substep_start, own, stride, int(first)))
+                indices = np.ascontiguousarray(slots[particles[first:stop] - place.start])
+                self._members.append((position, member.substep_start, indices, stride, int(first)))
                 self._inertial.append(member.inertial)
 
     def take(self, fresh: bool) -> None:
         """Read the members' positions; with `fresh` also those at the start of the substep."""
         for position, before, slots, stride, first in self._members:
-            self._ways.take(self._bands, position, slots, stride, first, self.position)
+            self._transfers.take(self._bands, position, slots, stride, first, self.position)
             if fresh:
-                self._ways.take(self._bands, before, slots, stride, first, self.before)
+                self._transfers.take(self._bands, before, slots, stride, first, self.before)
 
     def give(self) -> None:
         """Write the positions back to the members."""
         for (position, _, slots, stride, first), inertial in zip(self._members, self._inertial, strict=True):
             there = self._bands, self.position, self.weights, slots, stride, first, position
             if inertial is not None:
-                self._ways.carry(*there, inertial)
-            self._ways.give(*there)
+                self._transfers.carry(*there, inertial)
+            self._transfers.give(*there)

@@ -15,7 +15,7 @@ from softlab.model.core.families import family_of, scene_plan
 from softlab.model.core.plan import Executor, StageRun
 from softlab.model.core.simulation import Options, Simulation
 from softlab.model.scene.scene import Scene
-from softlab.model.world.meeting import MEMBERS_MEET, cross_surface
+from softlab.model.world.meeting import MEMBERS_MEETING, cross_surface
 from softlab.model.world.plan import BEGIN, FIND, GIVE, PROJECT, TAKE, coupled
 from softlab.model.world.simulation import STAGES, WorldSimulation
 from softlab.model.world.solids import solids_of
@@ -60,7 +60,7 @@ class World(WorldSimulation):
         weights, meeting = self.body.inverse_mass * self.scene.grid.mass, cross_surface(self.scene)
         joined = self.joined = Joined(meeting.particles, members, self.slices, weights, bands)
         contacts = self.contacts = SurfaceContacts(
-            self.scene, self.real, self.options.math, bands, joined.weights, MEMBERS_MEET
+            self.scene, self.real, self.options.math, bands, joined.weights, MEMBERS_MEETING
         )
         return {
             BEGIN: lambda moment: joined.take(fresh=True),

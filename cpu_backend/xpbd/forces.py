@@ -13,7 +13,7 @@ import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import L_PLANE, L_STRIDE, block_of, row_at
-from softlab.cpu_backend.core.own_forces import make_own_force
+from softlab.cpu_backend.core.own_forces import make_particle_force
 from softlab.cpu_backend.core.scratch import AXES, make_scratch, triples_of
 from softlab.cpu_backend.core.wind import make_winds
 from softlab.cpu_backend.xpbd.layout import (
@@ -28,13 +28,13 @@ from softlab.cpu_backend.xpbd.layout import (
     P_STRIDE,
     P_WIND_SCRATCH,
 )
-from softlab.model.core.own_forces import own_forces
+from softlab.model.core.own_forces import particle_forces
 from softlab.model.formulas import distance
 
 
 def has_forces(parts: frozenset[str]) -> bool:
     """Return True if accelerations differ between masses, which then need planes."""
-    return "wind" in parts or bool(own_forces(parts))
+    return "wind" in parts or bool(particle_forces(parts))
 
 
 WIND_PARTS = frozenset({"wind", "gust"})
@@ -65,8 +65,12 @@ def make_forces(compiler: Compiler, real: Any, axes: int, parts: frozenset[str],
 
     With wind, the planes already have wind and gravity. `weights`: offset of those of the row.
     """
-    compiled, block, own = compiler.compiled, block_of(real), make_own_force(compiler, real, axes, parts)
-    has_gravity, has_wind, has_own = "gravity" in parts, "wind" in parts, bool(own_forces(parts))
+    compiled, block, particle_force = (
+        compiler.compiled,
+        block_of(real),
+        make_particle_force(compiler, real, axes, parts),
+    )
+    has_gravity, has_wind, has_particle_forces = "gravity" in parts, "wind" in parts, bool(particle_forces(parts))
     zero = real(0)
 
     @compiled
@@ -79,15 +83,15 @@ def make_forces(compiler: Compiler, real: Any, axes: int, parts: frozenset[str],
                 for k in range(classes):
                     for j in range(places[P_BLOCKS] * block):
                         memory[here + axis * plane + k * spacing + j] = base
-        if has_own:
+        if has_particle_forces:
             for j in range(columns):
                 lane = j % classes * spacing + j // classes
                 place, k, weight = here + lane, i * columns + j, memory[weights + lane]
                 if axes == 2:
-                    a = own((memory[place], memory[place + plane]), k, weight, parameters, integers, step)
+                    a = particle_force((memory[place], memory[place + plane]), k, weight, parameters, integers, step)
                 else:
                     here_now = memory[place], memory[place + plane], memory[place + 2 * plane]
-                    a = own(here_now, k, weight, parameters, integers, step)
+                    a = particle_force(here_now, k, weight, parameters, integers, step)
                 for axis in range(axes):
                     memory[place + axis * plane] = a[axis]
 

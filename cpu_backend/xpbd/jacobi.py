@@ -15,7 +15,7 @@ import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import block_of, row_at
-from softlab.cpu_backend.core.scratch import AXES, REACH, make_scratch
+from softlab.cpu_backend.core.scratch import AXES, SPAN, make_scratch
 from softlab.cpu_backend.xpbd.layout import (
     P_BEFORE,
     P_BLOCKS,
@@ -42,7 +42,7 @@ def displacement_triples(parts: frozenset[str]) -> dict[str, int]:
     return places | {"idle": count, "count": count + 1}
 
 
-def reach_of(parts: frozenset[str]) -> int:
+def stencil_rows(parts: frozenset[str]) -> int:
     """Return the largest number of rows that a constraint leads down."""
     return max([family.rows for family in families(parts)], default=0)
 
@@ -61,16 +61,16 @@ def make_displace_row(compiler: Compiler, real: Any, axes: int, soft: bool, damp
         for j in range(blocks * block):
             dx, dy = far_x[j] - x[j], far_y[j] - y[j]
             dz = far_z[j] - z[j] if axes == 3 else zero
-            e, own = (dx, dy, dz), compliance
+            e, compliance_here = (dx, dy, dz), compliance
             if damped:
                 ez = dz - (old_far_z[j] - old_z[j]) if axes == 3 else zero
                 e = dx - (old_far_x[j] - old_x[j]), dy - (old_far_y[j] - old_y[j]), ez
             if alternates:
-                own = odd_compliance if j & 1 else compliance
+                compliance_here = odd_compliance if j & 1 else compliance
             multiplier = zero
             if soft:
                 multiplier = multipliers[j] if later else zero
-            change, scale = change_of((dx, dy, dz), e, rest, own, damping, multiplier, reciprocals[j])
+            change, scale = change_of((dx, dy, dz), e, rest, compliance_here, damping, multiplier, reciprocals[j])
             if soft:
                 new_multipliers[j] = multiplier + change
             out_x[j] = scaled(scale, dx)
@@ -85,10 +85,10 @@ def make_displace_row(compiler: Compiler, real: Any, axes: int, soft: bool, damp
 def make_lead(
     compiler: Compiler, real: Any, axes: int, parts: frozenset[str], family: Family, several: bool, edge: Any
 ) -> Any:
-    """Make lead(i, keep, source, turn, later, scratch, sheet): the constraints of a family that lead from row `i`, at
+    """Make lead(i, stores, source, turn, later, scratch, sheet): the constraints of a family that lead from row `i`, at
     the positions from `source` on.
 
-    `keep`: true if this walk writes their multipliers; `turn` 0 or 1: which of the two buffers has the current
+    `stores`: true if this walk writes their multipliers; `turn` 0 or 1: which of the two buffers has the current
     multipliers; `later`: true if there are any.
     """
     number, down, right = FAMILIES.index(family), family.rows, family.columns
@@ -102,7 +102,7 @@ def make_lead(
     near_lane, far_lane, planes = max(0, -right), max(0, right), len(FAMILIES)
 
     @compiler.compiled
-    def lead(i, keep, source, turn, later, scratch, sheet):
+    def lead(i, stores, source, turn, later, scratch, sheet):
         memory, places, parameters, _, _, _, row_places, _, _ = sheet
         stride, plane, width = places[P_STRIDE], places[P_PLANE], places[P_SCRATCH_WIDTH]
         row = min(i + down, places[P_ROWS] - 1)  # below the last row there is none: reciprocals are 0
@@ -111,19 +111,19 @@ def make_lead(
         triple = first_triple + i % (down + 1)
         here = row_at(memory, places[P_MULTIPLIERS] + (number + turn * planes) * plane + i * stride)
         there = row_at(memory, places[P_MULTIPLIERS] + (number + (1 - turn) * planes) * plane + i * stride)
-        if not keep:
+        if not stores:
             there = row_at(scratch, edge(idle, 0, width))
         even, odd = constants_of_even(parameters), constants_of_odd(parameters)
-        own = odd if down > 0 and i & 1 else even
+        constants = odd if down > 0 and i & 1 else even
         displace(
             places[P_BLOCKS], row_at(memory, first), row_at(memory, first + plane), row_at(memory, first + 2 * plane),
             row_at(memory, second), row_at(memory, second + plane), row_at(memory, second + 2 * plane),
             row_at(memory, old + first), row_at(memory, old + first + plane), row_at(memory, old + first + 2 * plane),
             row_at(memory, old + second), row_at(memory, old + second + plane), row_at(memory, old + second + 2 * plane),
-            here, later, there, row_at(memory, row_places[2 + number, i]), own.rest,
-            own.compliance, odd.compliance, own.damping,
-            row_at(scratch, edge(triple, 0, width) + REACH), row_at(scratch, edge(triple, 1, width) + REACH),
-            row_at(scratch, edge(triple, 2, width) + REACH),
+            here, later, there, row_at(memory, row_places[2 + number, i]), constants.rest,
+            constants.compliance, odd.compliance, constants.damping,
+            row_at(scratch, edge(triple, 0, width) + SPAN), row_at(scratch, edge(triple, 1, width) + SPAN),
+            row_at(scratch, edge(triple, 2, width) + SPAN),
         )  # fmt: skip
 
     return lead
@@ -142,7 +142,7 @@ def make_gather_row(compiler: Compiler, real: Any, parts: frozenset[str], uneven
         blocks, position, weights, valences, across, down, above, falling, falling_above, rising, rising_above, far_across,
         far_down, far_above, out,
     ):  # fmt: skip
-        for k in range(REACH, blocks * block + REACH):
+        for k in range(SPAN, blocks * block + SPAN):
             total = zero
             if has_structural:
                 total = (across[k - 1] - across[k]) + (above[k] - down[k])
@@ -152,7 +152,7 @@ def make_gather_row(compiler: Compiler, real: Any, parts: frozenset[str], uneven
             if has_bending:
                 bending = (far_across[k - 2] - far_across[k]) + (far_above[k] - far_down[k])
                 total = total + bending if has_structural or has_shear else bending
-            j = k - REACH
+            j = k - SPAN
             weight = weights[j] if uneven else one
             if in_the_mean:
                 out[j] = averaged(position[j], weight, total, valences[j])
@@ -171,7 +171,7 @@ def make_iterate(compiler: Compiler, real: Any, axes: int, parts: frozenset[str]
     edge, clear, triples, compiled = scratches.edge, scratches.clear, at["count"], compiler.compiled
 
     @compiled
-    def nothing(i, keep, source, turn, later, scratch, sheet):
+    def nothing(i, stores, source, turn, later, scratch, sheet):
         """Do nothing, for a family that the scene lacks."""
 
     leads = [
@@ -186,18 +186,18 @@ def make_iterate(compiler: Compiler, real: Any, axes: int, parts: frozenset[str]
     )
 
     @compiled
-    def lead_down(i, keep, source, turn, later, scratch, sheet):
-        vertical(i, keep, source, turn, later, scratch, sheet)
-        falling(i, keep, source, turn, later, scratch, sheet)
-        rising(i, keep, source, turn, later, scratch, sheet)
-        far_vertical(i, keep, source, turn, later, scratch, sheet)
+    def lead_down(i, stores, source, turn, later, scratch, sheet):
+        vertical(i, stores, source, turn, later, scratch, sheet)
+        falling(i, stores, source, turn, later, scratch, sheet)
+        rising(i, stores, source, turn, later, scratch, sheet)
+        far_vertical(i, stores, source, turn, later, scratch, sheet)
 
     @compiled
     def open_walk(first, source, turn, later, scratch, sheet):
-        if first < REACH:
+        if first < SPAN:
             for triple in range(triples):
                 clear(scratch, np.int64(triple), sheet[1][P_SCRATCH_WIDTH])
-        for i in range(max(first - REACH, 0), first):
+        for i in range(max(first - SPAN, 0), first):
             lead_down(i, False, source, turn, later, scratch, sheet)
 
     @compiled
@@ -210,7 +210,7 @@ def make_iterate(compiler: Compiler, real: Any, axes: int, parts: frozenset[str]
         now, before, far_now, far_before = i % 2, (i + 1) % 2, i % 3, (i + 1) % 3
         for axis in range(axes):
             row = axis * plane + here
-            given = (
+            arguments = (
                 places[P_BLOCKS], row_at(memory, source + row), row_at(memory, row_places[0, i]),
                 row_at(memory, row_places[1, i]), row_at(scratch, edge(a_horizontal, axis, width)),
                 row_at(scratch, edge(a_vertical + now, axis, width)), row_at(scratch, edge(a_vertical + before, axis, width)),
@@ -221,9 +221,9 @@ def make_iterate(compiler: Compiler, real: Any, axes: int, parts: frozenset[str]
                 row_at(scratch, edge(a_far_vertical + far_before, axis, width)), row_at(memory, target + row),
             )  # fmt: skip
             if row_uneven[i]:
-                gather_uneven(*given)
+                gather_uneven(*arguments)
             else:
-                gather_even(*given)
+                gather_even(*arguments)
 
     assert AXES == 3 and axes <= AXES
     return SimpleNamespace(open_walk=open_walk, iterate_row=iterate_row)

@@ -15,10 +15,10 @@ import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
-from softlab.cpu_backend.core.progress import shares
+from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.core.scratch import cloth_variant
 from softlab.cpu_backend.xpbd.forces import make_wind
-from softlab.cpu_backend.xpbd.jacobi import make_iterate, reach_of
+from softlab.cpu_backend.xpbd.jacobi import make_iterate, stencil_rows
 from softlab.cpu_backend.xpbd.layout import P_OTHER, P_PLANE, P_SCRATCH, P_SCRATCH_SIZE, P_STRIDE
 from softlab.cpu_backend.xpbd.walk import keeps_velocity, make_walk
 
@@ -28,14 +28,14 @@ def make_parts_of_substep(compiler: Compiler, real: Any, axes: int, parts: froze
     iteration also predicts the other rows, its last one computes their velocities."""
     walk, iterate = make_walk(compiler, real, axes, parts, 1), make_iterate(compiler, real, axes, parts, several)
     begin_row, end_iteration, end_row = walk.begin_row, walk.end_iteration, walk.end_row
-    open_walk, iterate_row, reach = iterate.open_walk, iterate.iterate_row, reach_of(parts)
+    open_walk, iterate_row, stencil = iterate.open_walk, iterate.iterate_row, stencil_rows(parts)
 
     @compiler.compiled
     def open_band(band, bounds, step, source, sheet):
         first, last = bounds[band], bounds[band + 1]
-        for i in range(first, min(first + reach, last)):
+        for i in range(first, min(first + stencil, last)):
             begin_row(i, step, source, sheet)
-        for i in range(max(last - reach, first + reach), last):
+        for i in range(max(last - stencil, first + stencil), last):
             begin_row(i, step, source, sheet)
 
     @compiler.compiled
@@ -45,8 +45,8 @@ def make_parts_of_substep(compiler: Compiler, real: Any, axes: int, parts: froze
         scratch = row_at(memory, places[P_SCRATCH] + band * places[P_SCRATCH_SIZE])
         open_walk(first, source, k % 2, k > 0, scratch, sheet)
         for i in range(first, last):
-            if k == 0 and i + reach >= first + reach and i + reach < last - reach:
-                begin_row(i + reach, step, source, sheet)
+            if k == 0 and i + stencil >= first + stencil and i + stencil < last - stencil:
+                begin_row(i + stencil, step, source, sheet)
             iterate_row(i, source, target, k % 2, k > 0, scratch, sheet)
             end_iteration(i, target, sheet)
             if k == iterations - 1:
@@ -103,18 +103,18 @@ def make_jacobi_advance(real: Any, math: str, axes: int, parts: frozenset[str], 
         for number in range(count * substeps):
             now, substep, done = step + number // substeps, step * substeps + number, number * iterations
             if has_wind:
-                for band in shares(team, member, bands):
+                for band in assigned(team, member, bands):
                     copy(band, bounds, place_of(done, places), natural, sheet)
-                for band in shares(team, member, bands):
+                for band in assigned(team, member, bands):
                     blow(band, bounds, natural, substep, sheet)
-            for band in shares(team, member, bands):
+            for band in assigned(team, member, bands):
                 open_band(band, bounds, now, place_of(done, places), sheet)
             for k in range(iterations):
                 source, target = place_of(done + k, places), place_of(done + k + 1, places)
-                for band in shares(team, member, bands):
+                for band in assigned(team, member, bands):
                     iterate_band(band, bounds, k, iterations, now, substep, source, target, sheet)
         if count * substeps * iterations % 2 == 1:
-            for band in shares(team, member, bands):
+            for band in assigned(team, member, bands):
                 bring_back(band, bounds, sheet)
 
     return compiler.team(advance)

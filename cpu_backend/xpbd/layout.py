@@ -58,7 +58,7 @@ PLACES = (
     P_WEIGHTS,
     P_RECIPROCALS,
     P_VALENCES,
-    P_REACH,
+    P_MAX_DISTANCE,
     P_PINS,
     P_PIN_COUNT,
     P_ANCHORS,
@@ -100,17 +100,17 @@ class Combed(Layout):
             whole[:, :, k :: self.classes] = part
         return whole
 
-    def rows_of(self, state: np.ndarray, held: slice) -> np.ndarray:
-        """Return (planes, rows, columns) of the rows `held`, as Layout.rows_of; a copy."""
-        found = np.empty((self.planes, len(range(self.rows)[held]), self.columns), state.dtype)
+    def rows_of(self, state: np.ndarray, span: slice) -> np.ndarray:
+        """Return (planes, rows, columns) of the rows `span`, as Layout.rows_of; a copy."""
+        combined = np.empty((self.planes, len(range(self.rows)[span]), self.columns), state.dtype)
         for k, part in enumerate(self.by_class(state)):
-            found[:, :, k :: self.classes] = part[:, held]
-        return found
+            combined[:, :, k :: self.classes] = part[:, span]
+        return combined
 
-    def put_rows(self, state: np.ndarray, held: slice, rows: np.ndarray) -> None:
-        """Write `rows` into the rows `held`, as Layout.put_rows."""
+    def put_rows(self, state: np.ndarray, span: slice, rows: np.ndarray) -> None:
+        """Write `rows` into the rows `span`, as Layout.put_rows."""
         for k, part in enumerate(self.by_class(state)):
-            part[:, held] = rows[:, :, k :: self.classes]
+            part[:, span] = rows[:, :, k :: self.classes]
 
     def put(self, state: np.ndarray, first: int, values: np.ndarray) -> None:
         """Write `values` (planes, rows, columns) into the planes from number `first` on of a flat state."""

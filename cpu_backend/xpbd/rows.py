@@ -31,7 +31,7 @@ from softlab.model.position_based.plan import FAMILIES, Family
 def make_motion_rows(
     compiler: Compiler, real: Any, parts: frozenset[str], apart: bool, has_forces: bool
 ) -> SimpleNamespace:
-    """Make `predict` and `finish`, one axis of a row, `predict_uneven`, with weights, and `hold`, `keep_of` (see
+    """Make `predict` and `finish`, one axis of a row, `predict_uneven`, with weights, and `pin`, `factor_of` (see
     below).
 
     `predict` computes the predicted positions from those at the start of a substep, `finish` the velocity from the
@@ -39,13 +39,18 @@ def make_motion_rows(
     meanwhile; or `apart`.
     """
     formulas, block = distance.make(real, compiler.compiled), block_of(real)
-    kicked, kept, predicted, rate = formulas.kicked, formulas.damping_factor, formulas.predicted, formulas.rate
+    kicked, damping_factor, predicted, rate = (
+        formulas.kicked,
+        formulas.damping_factor,
+        formulas.predicted,
+        formulas.rate,
+    )
     has_load, has_damping, has_gravity = "load" in parts, "damping" in parts, "gravity" in parts
     zero, one = real(0), real(1)
     moves = has_forces or has_gravity or has_damping
 
     def make_predict(uneven: bool) -> Any:
-        def predict(blocks, position, velocity, before, acceleration, gravity, weights, keep, drag, h):
+        def predict(blocks, position, velocity, before, acceleration, gravity, weights, factor, drag, h):
             """Predict one axis; `acceleration`: of each mass, read if there are forces; else `gravity` is that of
             all."""
             for j in range(blocks * block):
@@ -53,9 +58,9 @@ def make_motion_rows(
                 if has_forces:
                     a = acceleration[j]
                 if moves:
-                    left = keep
+                    left = factor
                     if uneven and has_load and has_damping:
-                        left = kept(drag, weights[j])
+                        left = damping_factor(drag, weights[j])
                     v = kicked(v, left, h, a)
                 new = predicted(p, h, v)
                 if uneven:
@@ -77,7 +82,7 @@ def make_motion_rows(
             velocity[j] = rate(position[j], begin, inverse_h)
 
     @compiler.row
-    def hold(blocks, position, velocity, before, weights):
+    def pin(blocks, position, velocity, before, weights):
         """Reset pinned masses, whatever collided with them."""
         for j in range(blocks * block):
             free = weights[j] > zero
@@ -85,14 +90,14 @@ def make_motion_rows(
             velocity[j] = velocity[j] if free else zero
 
     @compiler.compiled
-    def keep_of(keep, drag):
+    def factor_of(factor, drag):
         """Return the damping factor of the velocity of a mass of weight 1."""
         if not has_damping:
             return one
-        return kept(drag, one) if has_load else keep
+        return damping_factor(drag, one) if has_load else factor
 
     return SimpleNamespace(
-        predict=make_predict(False), predict_uneven=make_predict(True), finish=finish, hold=hold, keep_of=keep_of
+        predict=make_predict(False), predict_uneven=make_predict(True), finish=finish, pin=pin, factor_of=factor_of
     )
 
 
@@ -142,15 +147,15 @@ def make_rows_of_kinds(
 ) -> dict[str, Any]:
     """Make (even row, uneven row if any) by the kind of constraints. In a single iteration multipliers are 0 and not
     stored."""
-    made: dict[tuple[bool, bool], Any] = {}
+    versions_of_kind: dict[tuple[bool, bool], Any] = {}
     kinds = {}
     has_weights = bool(parts & {"pins", "load"})
     for kind in ("structural", "shear", "bending"):
         key = several and f"{kind}-compliance" in parts, f"{kind}-damping" in parts
-        if kind in parts and key not in made:
+        if kind in parts and key not in versions_of_kind:
             versions = (False, True) if has_weights else (False,)
-            made[key] = tuple(make_project_row(compiler, real, axes, *key, uneven) for uneven in versions)
-        kinds[kind] = made.get(key)
+            versions_of_kind[key] = tuple(make_project_row(compiler, real, axes, *key, uneven) for uneven in versions)
+        kinds[kind] = versions_of_kind.get(key)
     return kinds
 
 
@@ -179,20 +184,20 @@ def make_link(
         here, lane = i * stride, c * spacing
         first, second = here + near_lane, here + down * stride + far_lane
         old = places[P_BEFORE] if damped else np.int64(0)
-        own = constants_of_odd(parameters) if odd else constants_of_even(parameters)
-        given = (
+        constants = constants_of_odd(parameters) if odd else constants_of_even(parameters)
+        arguments = (
             places[P_BLOCKS], row_at(memory, first), row_at(memory, first + plane), row_at(memory, first + 2 * plane),
             row_at(memory, second), row_at(memory, second + plane), row_at(memory, second + 2 * plane),
             row_at(memory, old + first), row_at(memory, old + first + plane), row_at(memory, old + first + 2 * plane),
             row_at(memory, old + second), row_at(memory, old + second + plane), row_at(memory, old + second + 2 * plane),
             row_at(memory, row_places[0, i] + near_lane), row_at(memory, row_places[0, i + down] + far_lane),
             row_at(memory, places[P_MULTIPLIERS] + number * plane + here + lane), later,
-            row_at(memory, row_places[2 + number, i] + lane), own.rest, own.compliance, own.damping,
+            row_at(memory, row_places[2 + number, i] + lane), constants.rest, constants.compliance, constants.damping,
         )  # fmt: skip
         if row_uneven[i] or row_uneven[i + down]:
-            uneven_row(*given)
+            uneven_row(*arguments)
         else:
-            even_row(*given)
+            even_row(*arguments)
 
     @compiler.compiled
     def link(i, later, sheet):

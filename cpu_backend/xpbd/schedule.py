@@ -54,7 +54,7 @@ class _Band:
         if i + 1 < self.end:
             self.do(DOWN, i)
 
-    def met(self, i: int) -> None:
+    def pass_row(self, i: int) -> None:
         """Continue with row `i` after its neighbouring rows; called in the order of rows."""
         self.do(ALONG, i)
         if not self.has_bending:
@@ -95,15 +95,15 @@ class _Band:
                 self.open_pair(i)
             if i > self.begin:
                 self.do(DOWN, i - 1)
-                self.met(i - 1)
+                self.pass_row(i - 1)
             elif self.has_upper:
                 self.do(DOWN, i - 1)
-            self.met(i)
+            self.pass_row(i)
             if is_last_pair and not self.has_lower and i + 1 < self.end:
-                self.met(i + 1)
+                self.pass_row(i + 1)
         self.phase = 2
         if self.has_lower:
-            self.met(self.end - 1)
+            self.pass_row(self.end - 1)
         if self.has_bending:
             self.bend_across()
         return self.steps
@@ -131,10 +131,10 @@ def schedule(rows: int, bands: int, has_bending: bool) -> tuple[np.ndarray, np.n
     steps: list[tuple[int, int, int]] = []
     starts = np.zeros((bands, PHASES + 1), np.int64)
     for band in range(bands):
-        own = _Band(bounds[band], bounds[band + 1], rows, has_bending).run()
-        phases = [phase for _, _, phase in own]
+        schedule_of_band = _Band(bounds[band], bounds[band + 1], rows, has_bending).run()
+        phases = [phase for _, _, phase in schedule_of_band]
         starts[band] = len(steps) + np.searchsorted(phases, np.arange(PHASES + 1))
-        steps += own
+        steps += schedule_of_band
     return np.array(steps, np.int64).reshape(-1, 3)[:, :2].copy(), starts, np.array(bounds, np.int64)
 
 

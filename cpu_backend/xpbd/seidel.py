@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
-from softlab.cpu_backend.core.progress import shares
+from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.core.scratch import cloth_variant
 from softlab.cpu_backend.xpbd.forces import make_wind
 from softlab.cpu_backend.xpbd.layout import P_PLANE, classes_of
@@ -116,10 +116,10 @@ def make_seidel_advance(real: Any, math: str, axes: int, parts: frozenset[str], 
 
     @compiled
     def any_steps(starts, phase):
-        found = False
+        any_left = False
         for band in range(starts.shape[0]):
-            found = found or starts[band, phase] < starts[band, phase + 1]
-        return found
+            any_left = any_left or starts[band, phase] < starts[band, phase + 1]
+        return any_left
 
     def advance(
         team, member, bands, count, step, substeps, iterations, steps, starts, bounds, natural, memory, places, parameters,
@@ -128,14 +128,14 @@ def make_seidel_advance(real: Any, math: str, axes: int, parts: frozenset[str], 
         sheet = (memory, places, parameters, integers, bodies, kinds, row_places, row_uneven, anchors)
         for number in range(count * substeps):
             if has_wind:
-                for band in shares(team, member, bands):
+                for band in assigned(team, member, bands):
                     copy(band, bounds, natural, sheet)
-                for band in shares(team, member, bands):
+                for band in assigned(team, member, bands):
                     blow(band, bounds, natural, step * substeps + number, sheet)
             for turn in range(iterations * PHASES):
                 k, phase = turn // PHASES, turn % PHASES
                 if any_steps(starts, phase):
-                    for band in shares(team, member, bands):
+                    for band in assigned(team, member, bands):
                         follow(
                             starts[band, phase], starts[band, phase + 1], k == 0, k == iterations - 1,
                             step + number // substeps, step * substeps + number, steps, sheet,

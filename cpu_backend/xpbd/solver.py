@@ -75,7 +75,7 @@ class PositionBased(RowsSimulation):
         self._current = 0
         self._set_pins()
         self._executor = self._staged() if self.kernel == "stages" else self._fused()
-        self._kept = np.zeros(self._layout.size, self.real)
+        self._snapshot = np.zeros(self._layout.size, self.real)
         self.reset()
 
     def _attachments(self) -> tuple[np.ndarray, np.ndarray]:
@@ -87,9 +87,11 @@ class PositionBased(RowsSimulation):
             return nothing.astype(np.int32), nothing.astype(self.real)
         from softlab.model.position_based.attachments import sheet_reaches
 
-        anchor, reach = sheet_reaches(self.scene, body, self.real)
+        anchor, max_distance = sheet_reaches(self.scene, body, self.real)
         shape = (part.anchors, body.rows, body.columns)
-        return np.ascontiguousarray(anchor.T, np.int32).reshape(shape), np.ascontiguousarray(reach.T).reshape(shape)
+        return np.ascontiguousarray(anchor.T, np.int32).reshape(shape), np.ascontiguousarray(max_distance.T).reshape(
+            shape
+        )
 
     # ------------------------------------------------------------------ kernels
 
@@ -182,14 +184,14 @@ class PositionBased(RowsSimulation):
         self._row_places[1] = self._part("valences", layout.combed_rows(rows)) + number * layout.stride
 
     def _fill_attachments(self, layout: Combed) -> None:
-        anchor, reach = self.attachments
+        anchor, max_distance = self.attachments
         self._anchors = np.zeros(max(1, len(anchor) * layout.plane), np.int32)
         for k in range(len(anchor)):
             among = np.searchsorted(self.body.pinned, anchor[k]).astype(np.int32)
             size = layout.rows * layout.stride
             self._anchors[k * layout.plane :][:size] = layout.combed_rows(among).reshape(-1)
             start = self._at["reach"] + k * layout.plane
-            self._memory[start : start + size] = layout.combed_rows(reach[k], UNREACHED).reshape(-1)
+            self._memory[start : start + size] = layout.combed_rows(max_distance[k], UNREACHED).reshape(-1)
 
     def _fill_reciprocals(self) -> None:
         layout: Any = self._layout
@@ -240,8 +242,8 @@ class PositionBased(RowsSimulation):
         for k, part in enumerate(self._layout.by_class(self._flat)):
             self._first_diverged_kernel(part, self.real(self._bound), self._centre.astype(self.real), self._bad)
             for row in np.flatnonzero(self._bad >= 0)[:1]:
-                found = int(row * self.body.columns + self._bad[row] * classes + k)
-                worst = found if worst < 0 else min(worst, found)
+                bad = int(row * self.body.columns + self._bad[row] * classes + k)
+                worst = bad if worst < 0 else min(worst, bad)
         return worst
 
     def _read_normal(self, into: Any) -> Any:

@@ -22,7 +22,7 @@ from softlab.model.core.plan import Moment, StageRun
 from softlab.model.formulas import distance
 from softlab.model.position_based.plan import FAMILIES, colour_order, families
 
-ROOM = 2  # rows and columns of displacements around the sheet, without constraints
+MARGIN = 2  # rows and columns of displacements around the sheet, without constraints
 
 
 def make_change(compiler: Compiler, real: Any, axes: int, soft: bool, damped: bool) -> Any:
@@ -58,7 +58,7 @@ def make_kind(
     """Make `project` (in place, a colour) and `displace` (the terms of a Jacobi sum) of a kind of constraints."""
     compiled, kernel = compiler.compiled, compiler.kernel
     formulas = distance.make(real, compiled)
-    moved, reciprocal_of, scaled, share = (
+    moved, reciprocal_of, scaled, weighted_valence = (
         formulas.moved,
         formulas.reciprocal,
         formulas.scaled,
@@ -69,32 +69,32 @@ def make_kind(
     zero, one = real(0), real(1)
 
     @compiled
-    def reciprocal(total, own):
+    def reciprocal(total, constants):
         if by_formula:
-            return reciprocal_of(total, own.stiffening, own.compliance)
+            return reciprocal_of(total, constants.stiffening, constants.compliance)
         if total > one:
-            return own.both
-        return own.one if total > zero else zero
+            return constants.both
+        return constants.one if total > zero else zero
 
     @compiled
-    def way(sheet, i, j, row, column):
+    def difference(sheet, i, j, row, column):
         z = sheet[2, row, column] - sheet[2, i, j] if axes == 3 else zero
         return sheet[0, row, column] - sheet[0, i, j], sheet[1, row, column] - sheet[1, i, j], z
 
     @compiled
-    def solve(position, before, multiplier, total, own, i, j, row, column):
-        d = way(position, i, j, row, column)
+    def solve(position, before, multiplier, total, constants, i, j, row, column):
+        d = difference(position, i, j, row, column)
         e = d
         if damped:
-            old = way(before, i, j, row, column)
+            old = difference(before, i, j, row, column)
             e = d[0] - old[0], d[1] - old[1], d[2] - old[2]
         change, scale = change_of(
-            d, e, own.rest, own.compliance, own.damping, multiplier, reciprocal(total, own),
+            d, e, constants.rest, constants.compliance, constants.damping, multiplier, reciprocal(total, constants),
         )  # fmt: skip
         return change, scale, d
 
     @kernel
-    def project(position, before, multipliers, weights, own, down, right, colour):
+    def project(position, before, multipliers, weights, constants, down, right, colour):
         rows, columns = weights.shape
         for k in prange(rows - down):
             i = np.int64(k)
@@ -104,7 +104,7 @@ def make_kind(
                         first, row, second = j + max(0, -right), i + down, j + max(0, right)
                         w_first, w_second = weights[i, first], weights[row, second]
                         change, scale, d = solve(
-                            position, before, multipliers[i, j], w_first + w_second, own, i, first, row, second
+                            position, before, multipliers[i, j], w_first + w_second, constants, i, first, row, second
                         )
                         multipliers[i, j] += change
                         for axis in range(axes):
@@ -120,16 +120,19 @@ def make_kind(
             i = np.int64(k)
             for j in range(columns - abs(right)):
                 first, row, second = j + max(0, -right), i + down, j + max(0, right)
-                own = odd if (i if down > 0 else j) % 2 else even
+                constants = odd if (i if down > 0 else j) % 2 else even
                 w_first, w_second = weights[i, first], weights[row, second]
                 if weighted:
-                    w_first, w_second = share(valences[i, first], w_first), share(valences[row, second], w_second)
+                    w_first, w_second = (
+                        weighted_valence(valences[i, first], w_first),
+                        weighted_valence(valences[row, second], w_second),
+                    )
                 change, scale, d = solve(
-                    position, before, multipliers[i, j], w_first + w_second, own, i, first, row, second,
+                    position, before, multipliers[i, j], w_first + w_second, constants, i, first, row, second,
                 )  # fmt: skip
                 multipliers[i, j] += change
                 for axis in range(axes):
-                    out[axis, i + ROOM, j + ROOM] = scaled(scale, d[axis])
+                    out[axis, i + MARGIN, j + MARGIN] = scaled(scale, d[axis])
 
     return SimpleNamespace(project=project, displace=displace)
 
@@ -147,7 +150,7 @@ def make_gather(compiler: Compiler, real: Any, axes: int, parts: frozenset[str])
         rows, columns = weights.shape
         for row in prange(rows):
             for column in range(columns):
-                i, j = np.int64(row) + ROOM, column + ROOM
+                i, j = np.int64(row) + MARGIN, column + MARGIN
                 for axis in range(axes):
                     total = zero
                     if has_structural:
@@ -174,14 +177,14 @@ def make_gather(compiler: Compiler, real: Any, axes: int, parts: frozenset[str])
 
 
 def make_attach(compiler: Compiler, real: Any, axes: int) -> Any:
-    """Make attach(position, weights, anchor, reach): it pulls masses back to the maximum distance of their anchors.
-    `anchor` (count, rows, columns): the particle; `reach` [m], the same shape."""
+    """Make attach(position, weights, anchor, max_distance): it pulls masses back to the maximum distance of their anchors.
+    `anchor` (count, rows, columns): the particle; `max_distance` [m], the same shape."""
     formulas = distance.make(real, compiler.compiled)
     tether, tethered = formulas.tether, formulas.tethered
     squared_length_2d, squared_length_3d = formulas.squared_length_2d, formulas.squared_length_3d
     zero = real(0)
 
-    def attach(position, weights, anchor, reach):
+    def attach(position, weights, anchor, max_distance):
         count, rows, columns = anchor.shape
         for i in prange(rows):
             for j in range(columns):
@@ -192,7 +195,7 @@ def make_attach(compiler: Compiler, real: Any, axes: int) -> Any:
                         dy = position[1, i, j] - position[1, row, column]
                         dz = position[2, i, j] - position[2, row, column] if axes == 3 else zero
                         squared = squared_length_2d(dx, dy) if axes == 2 else squared_length_3d(dx, dy, dz)
-                        factor, d = tether(squared, reach[k, i, j]), (dx, dy, dz)
+                        factor, d = tether(squared, max_distance[k, i, j]), (dx, dy, dz)
                         for axis in range(axes):
                             p = position[axis, i, j]
                             position[axis, i, j] = tethered(p, position[axis, row, column], d[axis], factor)
@@ -228,10 +231,19 @@ def bind_projections(
 
     def project(family: Any, colour: int) -> StageRun:
         run, kind = make.kinds[family.kind].project, kind_of(family, colour, parts)
-        mine = multipliers[FAMILIES.index(family)]
+        multiplier = multipliers[FAMILIES.index(family)]
 
         def stage(moment: Moment) -> None:
-            run(position, before, mine, weights, constants_of(sim.record, kind), family.rows, family.columns, colour)
+            run(
+                position,
+                before,
+                multiplier,
+                weights,
+                constants_of(sim.record, kind),
+                family.rows,
+                family.columns,
+                colour,
+            )
 
         return stage
 
@@ -240,8 +252,8 @@ def bind_projections(
         rows, number = sim.tables.valences()
         valences = rows[number]
         axes, height, width = position.shape
-        room = np.zeros((len(FAMILIES), axes, height + 2 * ROOM, width + 2 * ROOM), sim.real)
-        displacements = tuple(room)
+        planes = np.zeros((len(FAMILIES), axes, height + 2 * MARGIN, width + 2 * MARGIN), sim.real)
+        displacements = tuple(planes)
 
         def project_all(moment: Moment) -> None:
             for family in families(parts):
@@ -255,6 +267,6 @@ def bind_projections(
 
         stages = {"project all": project_all}
     if "attachments" in parts:
-        anchor, reach = sim.attachments
-        stages["attachments"] = lambda moment: make.attach(position, weights, anchor, reach)
+        anchor, max_distance = sim.attachments
+        stages["attachments"] = lambda moment: make.attach(position, weights, anchor, max_distance)
     return stages

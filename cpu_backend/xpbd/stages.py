@@ -28,13 +28,13 @@ from softlab.model.tables.cloth import COLLIDER_KINDS
 def make_position_stages(real: Any, math: str, axes: int, parts: frozenset[str]) -> SimpleNamespace:
     """Make the stage kernels of a variant; each is compiled when it first runs, for the parts that affect it."""
 
-    def made(make: Any, *words: str) -> Any:
+    def build(make: Any, *words: str) -> Any:
         matter = frozenset(part for part in parts if part.split("-")[0] in words)
         return make(Compiler(cloth_variant("xpbd_stage", real, math, matter), math), real, matter)
 
-    stages = made(make_point_stages, "load", "damping")
-    stages.wind = made(make_wind_stage, "wind", "gust")
-    stages.collide = made(make_collide_stage, *COLLIDER_KINDS, "friction", "restitution")
+    stages = build(make_point_stages, "load", "damping")
+    stages.wind = build(make_wind_stage, "wind", "gust")
+    stages.collide = build(make_collide_stage, *COLLIDER_KINDS, "friction", "restitution")
     stages.projections = make_projections(real, math, axes, parts)
     return stages
 

@@ -73,38 +73,38 @@ class Tables:
     def __init__(self, scene: Scene, body: Body, real: Any, parts: frozenset[str]):
         self.real, self.parts, self.rows, self.columns = real, parts, body.rows, body.columns
         self._formulas = distance.make(real)
-        found = _Rows({}, [])
+        rows = _Rows({}, [])
         sheet = mass_weights(scene, body, real)
-        self.weight_row = np.array([found.number(row.tobytes(), row.copy) for row in sheet], np.int64)
-        self.weights = np.array(found.rows)
+        self.weight_row = np.array([rows.number(row.tobytes(), row.copy) for row in sheet], np.int64)
+        self.weights = np.array(rows.rows)
         self.uneven = (self.weights != 1).any(axis=1)[self.weight_row]
 
     @cached_property
     def _valence_rows(self) -> list[np.ndarray]:
         """Valences of every row; inner rows are one array."""
-        made: dict[tuple[int, int], np.ndarray] = {}
+        by_key: dict[tuple[int, int], np.ndarray] = {}
         rows = []
         for i in range(self.rows):
             key = min(i, 2), min(self.rows - 1 - i, 2)
-            if key not in made:
+            if key not in by_key:
                 total = np.zeros(self.columns, np.int64)
                 for family in families(self.parts):
                     total += valence(family, i, self.columns, self.rows)
-                made[key] = total.astype(self.real)
-            rows.append(made[key])
+                by_key[key] = total.astype(self.real)
+            rows.append(by_key[key])
         return rows
 
     def valences(self) -> tuple[np.ndarray, np.ndarray]:
         """Return ((n, columns) as `real`, (rows,) the number of a row's)."""
-        found = _Rows({}, [])
-        number = [found.number(id(row), lambda row=row: row) for row in self._valence_rows]
-        return np.array(found.rows), np.array(number, np.int64)
+        rows = _Rows({}, [])
+        number = [rows.number(id(row), lambda row=row: row) for row in self._valence_rows]
+        return np.array(rows.rows), np.array(number, np.int64)
 
     def reciprocals(self, record: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return ((n, columns), (len(FAMILIES), rows) the number of a row's) of the constraints by their index (i, j),
         0 where there is none."""
-        found = _Rows({}, [])
-        nothing = found.number(None, lambda: np.zeros(self.columns, self.real))
+        rows = _Rows({}, [])
+        nothing = rows.number(None, lambda: np.zeros(self.columns, self.real))
         number = np.full((len(FAMILIES), self.rows), nothing, np.int64)
         for family in families(self.parts):
             k = FAMILIES.index(family)
@@ -113,8 +113,8 @@ class Tables:
                 key: tuple[Any, ...] = family.name, colour, self.weight_row[i], self.weight_row[i + family.rows]
                 if "jacobi" in self.parts:
                     key = *key, id(self._valence_rows[i]), id(self._valence_rows[i + family.rows])
-                number[k, i] = found.number(key, lambda f=family, i=i: self._row(f, i, record))
-        return np.array(found.rows), number
+                number[k, i] = rows.number(key, lambda f=family, i=i: self._row(f, i, record))
+        return np.array(rows.rows), number
 
     def _row(self, family: Family, i: int, record: np.ndarray) -> np.ndarray:
         out = np.zeros(self.columns, self.real)
@@ -127,15 +127,17 @@ class Tables:
         total = w_first + w_second
         for colour in (0, 1):
             # along a row, only every second constraint can differ in colour
-            mine = slice(None) if family.rows else slice(colour, None, 2)
-            own = constants_of(record, kind_of(family, i % 2 if family.rows else colour, self.parts))
-            out[: len(total)][mine] = self._values(total[mine], own)
+            selected = slice(None) if family.rows else slice(colour, None, 2)
+            constants = constants_of(record, kind_of(family, i % 2 if family.rows else colour, self.parts))
+            out[: len(total)][selected] = self._values(total[selected], constants)
         return out
 
-    def _values(self, total: np.ndarray, own: Any) -> np.ndarray:
+    def _values(self, total: np.ndarray, constants: Any) -> np.ndarray:
         different, which = np.unique(total, return_inverse=True)
         if self.parts & {"load", "jacobi", "averaged-jacobi"}:
-            values = [self._formulas.reciprocal(weight, own.stiffening, own.compliance) for weight in different]
+            values = [
+                self._formulas.reciprocal(weight, constants.stiffening, constants.compliance) for weight in different
+            ]
         else:
-            values = [{2: own.both, 1: own.one, 0: self.real(0)}[int(weight)] for weight in different]
+            values = [{2: constants.both, 1: constants.one, 0: self.real(0)}[int(weight)] for weight in different]
         return np.array(values, self.real)[which]

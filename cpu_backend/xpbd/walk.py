@@ -22,10 +22,10 @@ from softlab.cpu_backend.xpbd.layout import (
     P_BEFORE,
     P_BLOCKS,
     P_CLASS,
+    P_MAX_DISTANCE,
     P_PIN_COUNT,
     P_PINS,
     P_PLANE,
-    P_REACH,
     P_STRIDE,
 )
 from softlab.cpu_backend.xpbd.rows import make_motion_rows
@@ -51,14 +51,14 @@ def make_attach_row(compiler: Compiler, real: Any, axes: int, parts: frozenset[s
     zero, one = real(0), real(1)
 
     @compiler.row
-    def pull_back(blocks, x, y, z, weights, anchor, reach, pin_x, pin_y, pin_z):
+    def pull_back(blocks, x, y, z, weights, anchor, max_distance, pin_x, pin_y, pin_z):
         for j in range(blocks * block):
             ax, ay = pin_x[anchor[j]], pin_y[anchor[j]]
             az = pin_z[anchor[j]] if axes == 3 else zero
             dx, dy = x[j] - ax, y[j] - ay
             dz = z[j] - az if axes == 3 else zero
             squared = squared_length_2d(dx, dy) if axes == 2 else squared_length_3d(dx, dy, dz)
-            factor = tether(squared, reach[j]) if weights[j] > zero else one
+            factor = tether(squared, max_distance[j]) if weights[j] > zero else one
             x[j] = tethered(x[j], ax, dx, factor)
             y[j] = tethered(y[j], ay, dy, factor)
             if axes == 3:
@@ -75,7 +75,7 @@ def make_attach_row(compiler: Compiler, real: Any, axes: int, parts: frozenset[s
                 pull_back(
                     places[P_BLOCKS], row_at(memory, position + here), row_at(memory, position + here + plane),
                     row_at(memory, position + here + 2 * plane), row_at(memory, row_places[0, i] + lane),
-                    row_at(anchors, k * plane + here), row_at(memory, places[P_REACH] + k * plane + here),
+                    row_at(anchors, k * plane + here), row_at(memory, places[P_MAX_DISTANCE] + k * plane + here),
                     row_at(memory, places[P_PINS]), row_at(memory, places[P_PINS] + pins),
                     row_at(memory, places[P_PINS] + 2 * pins),
                 )  # fmt: skip
@@ -94,8 +94,8 @@ def make_walk(compiler: Compiler, real: Any, axes: int, parts: frozenset[str], c
     apart = keeps_velocity(parts)
     forces_differ, has_attachments = has_forces(parts), "attachments" in parts
     rows = make_motion_rows(compiler, real, parts, apart, forces_differ)
-    predict, predict_uneven, keep_of = rows.predict, rows.predict_uneven, rows.keep_of
-    finish, hold = rows.finish, rows.hold
+    predict, predict_uneven, factor_of = rows.predict, rows.predict_uneven, rows.factor_of
+    finish, pin = rows.finish, rows.pin
     add_forces = make_forces(compiler, real, axes, parts, classes)
     attach_row = make_attach_row(compiler, real, axes, parts)
     collide_row = make_collide_row(compiler, real, parts)
@@ -112,7 +112,7 @@ def make_walk(compiler: Compiler, real: Any, axes: int, parts: frozenset[str], c
     @compiler.compiled
     def begin_row(i, step, position, sheet):
         memory, places, parameters, integers, _, _, row_places, row_uneven, _ = sheet
-        keep = keep_of(parameters.keep, parameters.braking)
+        factor = factor_of(parameters.keep, parameters.braking)
         if forces_differ:
             add_forces(i, step, memory, places, parameters, integers, row_places[0, i])
         for axis in range(axes):
@@ -120,15 +120,15 @@ def make_walk(compiler: Compiler, real: Any, axes: int, parts: frozenset[str], c
             for c in range(classes):
                 p, v, before = rows_of(i, axis, c, position, places)
                 acceleration = places[P_ACCELERATION] + p - position
-                given = (
+                arguments = (
                     places[P_BLOCKS], row_at(memory, p), row_at(memory, v), row_at(memory, before),
-                    row_at(memory, acceleration), gravity, row_at(memory, row_places[0, i] + c * places[P_CLASS]), keep,
+                    row_at(memory, acceleration), gravity, row_at(memory, row_places[0, i] + c * places[P_CLASS]), factor,
                     parameters.braking, parameters.dt,
                 )  # fmt: skip
                 if row_uneven[i]:
-                    predict_uneven(*given)
+                    predict_uneven(*arguments)
                 else:
-                    predict(*given)
+                    predict(*arguments)
 
     @compiler.compiled
     def end_iteration(i, position, sheet):
@@ -147,7 +147,7 @@ def make_walk(compiler: Compiler, real: Any, axes: int, parts: frozenset[str], c
             if row_uneven[i]:
                 for axis in range(axes):
                     p, v, before = rows_of(i, axis, c, position, places)
-                    hold(
+                    pin(
                         places[P_BLOCKS], row_at(memory, p), row_at(memory, v), row_at(memory, before),
                         row_at(memory, row_places[0, i] + c * places[P_CLASS]),
                     )  # fmt: skip

@@ -55,7 +55,7 @@ def make_place_of(real: Any, math: str) -> Any:
 
 
 def _make_answers(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """Make `place_of`, `answer` (velocity of a mass after contact) and `push`, for the collider whose row begins at
+    """Make `place_of`, `response` (velocity of a mass after contact) and `push`, for the collider whose row begins at
     `at`."""
     formulas, place_of = device_formulas(colliders.make, real, math), make_place_of(real, math)
     respond, rebound, pushed = formulas.respond, formulas.rebound, device_formulas(cloth.make, real, math).pushed
@@ -67,7 +67,7 @@ def _make_answers(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespac
         return slow[0] if in_place else slow
 
     @inline
-    def answer(vx, vy, vz, nx, ny, nz, slow, bodies, at):
+    def response(vx, vy, vz, nx, ny, nz, slow, bodies, at):
         static, dynamic = zero, zero
         if has_friction:
             static, dynamic = bodies[at + B_STATIC], bodies[at + B_DYNAMIC]
@@ -87,13 +87,13 @@ def _make_answers(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespac
             depth = thickness - distance
             px, py, pz = pushed(px, depth, nx), pushed(py, depth, ny), pushed(pz, depth, nz)
             ox, oy, oz = vx, vy, vz
-            vx, vy, vz = answer(vx, vy, vz, nx, ny, nz, slow, bodies, at)
+            vx, vy, vz = response(vx, vy, vz, nx, ny, nz, slow, bodies, at)
             if in_place:
                 dx, dy, dz = slid(slow[1], vx, vy, vz, ox, oy, oz, nx, ny, nz)
                 px, py, pz = px + dx, py + dy, pz + dz
         return px, py, pz, vx, vy, vz
 
-    return SimpleNamespace(place_of=place_of, answer=answer, push=push)
+    return SimpleNamespace(place_of=place_of, response=response, push=push)
 
 
 def _make_meetings(real: Any, math: str, parts: frozenset[str]) -> tuple[Any, ...]:
@@ -101,12 +101,12 @@ def _make_meetings(real: Any, math: str, parts: frozenset[str]) -> tuple[Any, ..
     formulas, answers = device_formulas(colliders.make, real, math), _make_answers(real, math, parts)
     plane, sphere, capsule, box = formulas.plane, formulas.sphere, formulas.capsule, formulas.box
     sphere_entry, between = formulas.sphere_entry, device_formulas(cloth.make, real, math).between
-    place_of, answer, push = answers.place_of, answers.answer, answers.push
+    place_of, response, push = answers.place_of, answers.response, answers.push
     bounces, has_friction, zero, one = "restitution" in parts, "friction" in parts, real(0), real(1)
     inline = inlined(math)
 
     @inline
-    def meet_sphere(before, px, py, pz, vx, vy, vz, slow, bodies, at, begin, end):
+    def push_from_sphere(before, px, py, pz, vx, vy, vz, slow, bodies, at, begin, end):
         x, y, z = place_of(bodies, at, end)
         dx, dy, dz = px - x, py - y, pz - z
         old_x, old_y, old_z = place_of(bodies, at, begin)
@@ -117,18 +117,18 @@ def _make_meetings(real: Any, math: str, parts: frozenset[str]) -> tuple[Any, ..
             dx, dy, dz = between(ax, dx, part), between(ay, dy, part), between(az, dz, part)
             px, py, pz = x + dx, y + dy, z + dz
             _, nx, ny, nz = sphere(dx, dy, dz, radius)
-            vx, vy, vz = answer(vx, vy, vz, nx, ny, nz, slow, bodies, at)
+            vx, vy, vz = response(vx, vy, vz, nx, ny, nz, slow, bodies, at)
             return px, py, pz, vx, vy, vz
         return push(px, py, pz, vx, vy, vz, sphere(dx, dy, dz, radius), slow, bodies, at)
 
     @inline
-    def meet_plane(px, py, pz, vx, vy, vz, slow, bodies, at, end):
+    def push_from_plane(px, py, pz, vx, vy, vz, slow, bodies, at, end):
         x, y, z = place_of(bodies, at, end)
         surface = plane(px - x, py - y, pz - z, bodies[at + B_U], bodies[at + B_V], bodies[at + B_W])
         return push(px, py, pz, vx, vy, vz, surface, slow, bodies, at)
 
     @inline
-    def meet_capsule(px, py, pz, vx, vy, vz, slow, bodies, at, end):
+    def push_from_capsule(px, py, pz, vx, vy, vz, slow, bodies, at, end):
         x, y, z = place_of(bodies, at, end)
         surface = capsule(
             px - x, py - y, pz - z, bodies[at + B_U], bodies[at + B_V], bodies[at + B_W], bodies[at + B_RADIUS]
@@ -136,32 +136,39 @@ def _make_meetings(real: Any, math: str, parts: frozenset[str]) -> tuple[Any, ..
         return push(px, py, pz, vx, vy, vz, surface, slow, bodies, at)
 
     @inline
-    def meet_box(px, py, pz, vx, vy, vz, slow, bodies, at, end):
+    def push_from_box(px, py, pz, vx, vy, vz, slow, bodies, at, end):
         x, y, z = place_of(bodies, at, end)
         surface = box(px - x, py - y, pz - z, bodies[at + B_U], bodies[at + B_V], bodies[at + B_W])
         return push(px, py, pz, vx, vy, vz, surface, slow, bodies, at)
 
     def of_surface(topic: Any) -> Any:
         """Make the collision in the collider's own frame (model/formulas/frame.py)."""
-        meet = device_formulas(topic.make, real, math, bounces=bounces, in_place=FRICTION_IN_PLACE in parts).touch
+        touch_at = device_formulas(topic.make, real, math, bounces=bounces, in_place=FRICTION_IN_PLACE in parts).touch
 
         @inline
-        def meet_surface(before, px, py, pz, vx, vy, vz, slow, bodies, at, begin, end):
+        def push_from_surface(before, px, py, pz, vx, vy, vz, slow, bodies, at, begin, end):
             static, dynamic, restitution = zero, zero, zero
             if has_friction:
                 static, dynamic = bodies[at + B_STATIC], bodies[at + B_DYNAMIC]
             if bounces:
                 restitution = bodies[at + B_RESTITUTION]
-            return meet(
+            return touch_at(
                 bodies, np.int32(np.int32(at) + np.int32(bodies[at + B_TREE])), bodies[at + B_THICKNESS], static, dynamic,
                 bodies[at + B_X], bodies[at + B_Y], bodies[at + B_Z], bodies[at + B_VX], bodies[at + B_VY],
                 bodies[at + B_VZ], bodies[at + B_U], bodies[at + B_V], bodies[at + B_W], bodies[at + B_SPIN],
                 bodies[at + B_TURNS], begin, end, before[0], before[1], before[2], px, py, pz, vx, vy, vz, restitution, slow,
             )  # fmt: skip
 
-        return meet_surface
+        return push_from_surface
 
-    return meet_plane, meet_sphere, meet_capsule, meet_box, of_surface(triangle_tree), of_surface(distance_field)
+    return (
+        push_from_plane,
+        push_from_sphere,
+        push_from_capsule,
+        push_from_box,
+        of_surface(triangle_tree),
+        of_surface(distance_field),
+    )
 
 
 @cache
@@ -172,7 +179,9 @@ def make_collide(real: Any, math: str, parts: frozenset[str]) -> Any:
     model/contact/cloth_parameters.py one after the other, then trees and fields; `integers` has the number of each
     kind.
     """
-    meet_plane, meet_sphere, meet_capsule, meet_box, meet_mesh, meet_field = _make_meetings(real, math, parts)
+    push_from_plane, push_from_sphere, push_from_capsule, push_from_box, push_from_mesh, push_from_field = (
+        _make_meetings(real, math, parts)
+    )
     settling_speed = device_formulas(colliders.make, real, math).settling_speed
     swept = "swept" in parts
     sweep_capsule, sweep_box = make_swept(real, math, _make_answers(real, math, parts))
@@ -195,12 +204,14 @@ def make_collide(real: Any, math: str, parts: frozenset[str]) -> Any:
             slow = with_step(settling_speed(parameters.gravity, parameters.dt) if bounces else zero, parameters.dt)
             if has_planes:
                 for _ in range(np.int32(integers[PLANES])):
-                    px, py, pz, vx, vy, vz = meet_plane(px, py, pz, vx, vy, vz, slow, bodies, at, end)
+                    px, py, pz, vx, vy, vz = push_from_plane(px, py, pz, vx, vy, vz, slow, bodies, at, end)
                     at = np.uint64(at + ROW)
             if has_spheres:
                 begin = instant(step, *clock)
                 for _ in range(np.int32(integers[SPHERES])):
-                    px, py, pz, vx, vy, vz = meet_sphere(before, px, py, pz, vx, vy, vz, slow, bodies, at, begin, end)
+                    px, py, pz, vx, vy, vz = push_from_sphere(
+                        before, px, py, pz, vx, vy, vz, slow, bodies, at, begin, end
+                    )
                     at = np.uint64(at + ROW)
             if has_capsules:
                 for _ in range(np.int32(integers[CAPSULES])):
@@ -210,7 +221,7 @@ def make_collide(real: Any, math: str, parts: frozenset[str]) -> Any:
                             before, px, py, pz, vx, vy, vz, slow, bodies, at, begin, end
                         )
                     else:
-                        px, py, pz, vx, vy, vz = meet_capsule(px, py, pz, vx, vy, vz, slow, bodies, at, end)
+                        px, py, pz, vx, vy, vz = push_from_capsule(px, py, pz, vx, vy, vz, slow, bodies, at, end)
                     at = np.uint64(at + ROW)
             if has_boxes:
                 for _ in range(np.int32(integers[BOXES])):
@@ -218,17 +229,21 @@ def make_collide(real: Any, math: str, parts: frozenset[str]) -> Any:
                         begin = instant(step, *clock)
                         px, py, pz, vx, vy, vz = sweep_box(before, px, py, pz, vx, vy, vz, slow, bodies, at, begin, end)
                     else:
-                        px, py, pz, vx, vy, vz = meet_box(px, py, pz, vx, vy, vz, slow, bodies, at, end)
+                        px, py, pz, vx, vy, vz = push_from_box(px, py, pz, vx, vy, vz, slow, bodies, at, end)
                     at = np.uint64(at + ROW)
             if has_meshes:
                 begin = instant(step, *clock)
                 for _ in range(np.int32(integers[MESHES])):
-                    px, py, pz, vx, vy, vz = meet_mesh(before, px, py, pz, vx, vy, vz, slow, bodies, at, begin, end)
+                    px, py, pz, vx, vy, vz = push_from_mesh(
+                        before, px, py, pz, vx, vy, vz, slow, bodies, at, begin, end
+                    )
                     at = np.uint64(at + ROW)
             if has_fields:
                 begin = instant(step, *clock)
                 for _ in range(np.int32(integers[FIELDS])):
-                    px, py, pz, vx, vy, vz = meet_field(before, px, py, pz, vx, vy, vz, slow, bodies, at, begin, end)
+                    px, py, pz, vx, vy, vz = push_from_field(
+                        before, px, py, pz, vx, vy, vz, slow, bodies, at, begin, end
+                    )
                     at = np.uint64(at + ROW)
         return px, py, pz, vx, vy, vz
 

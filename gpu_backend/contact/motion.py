@@ -25,7 +25,12 @@ def make_motion(real: Any, math: str, parts: frozenset[str], axes: int) -> Simpl
     `settle`: the last two, from the substep's start and end.
     """
     formulas = device_formulas(distance.make, real, math)
-    kicked, kept, predicted, rate = formulas.kicked, formulas.damping_factor, formulas.predicted, formulas.rate
+    kicked, damping_factor, predicted, rate = (
+        formulas.kicked,
+        formulas.damping_factor,
+        formulas.predicted,
+        formulas.rate,
+    )
     touch = make_collide(real, math, parts)
     inline = inlined(math)
     has_pins, has_load, has_damping, solid = "pins" in parts, "load" in parts, "damping" in parts, axes == 3
@@ -35,7 +40,7 @@ def make_motion(real: Any, math: str, parts: frozenset[str], axes: int) -> Simpl
     def predict(p, v, ax, ay, az, parameters):
         h, keep = parameters.dt, one
         if has_damping:
-            keep = kept(parameters.braking, p[3]) if has_load else parameters.keep
+            keep = damping_factor(parameters.braking, p[3]) if has_load else parameters.keep
         x = predicted(p[0], h, kicked(v[0], keep, h, ax))
         y = predicted(p[1], h, kicked(v[1], keep, h, ay))
         z = p[2]
@@ -51,7 +56,7 @@ def make_motion(real: Any, math: str, parts: frozenset[str], axes: int) -> Simpl
         """Return the velocity of a prediction in space; 0 for a pinned mass."""
         h, keep = parameters.dt, one
         if has_damping:
-            keep = kept(parameters.braking, p[3]) if has_load else parameters.keep
+            keep = damping_factor(parameters.braking, p[3]) if has_load else parameters.keep
         vx, vy, vz = kicked(v[0], keep, h, ax), kicked(v[1], keep, h, ay), kicked(v[2], keep, h, az)
         if has_pins:
             if p[3] == zero:

@@ -13,8 +13,8 @@ from softlab.gpu_backend.contact.particles_bounce import make_bounce
 from softlab.gpu_backend.contact.particles_project import make_project
 from softlab.gpu_backend.core.quads import SIZE
 from softlab.model.contact.particle_parameters import (
-    G_OWN,
-    G_REACH,
+    G_SEARCH_RADIUS,
+    G_SELF_DISTANCE,
     MAX_NEIGHBOURS,
     contact_parts,
     kinds_of_particles,
@@ -24,15 +24,15 @@ from softlab.model.contact.particle_parameters import (
 from softlab.model.scene.scene import Scene
 
 
-def _meets_itself(scene: Scene) -> bool:
-    return bool((pair_rows(scene)[:, :, G_OWN] > 0).any())
+def _has_self_contact(scene: Scene) -> bool:
+    return bool((pair_rows(scene)[:, :, G_SELF_DISTANCE] > 0).any())
 
 
 def particle_contact_bytes(scene: Scene, item: int) -> int:
     """Return the device memory [bytes] for the contacts of a scene's particles; `item`: bytes per scalar."""
     particles = scene.body_set.particle_count
     pressed = MAX_NEIGHBOURS * item * particles  # of rigid bodies
-    return neighbour_bytes(particles, _meets_itself(scene), item) + SIZE * item * particles + pressed
+    return neighbour_bytes(particles, _has_self_contact(scene), item) + SIZE * item * particles + pressed
 
 
 class ParticleContacts:
@@ -47,21 +47,25 @@ class ParticleContacts:
         assert part is not None
         self._real, self._stream, self._sweeps = real, stream, part.sweeps
         particles, kinds = body_set.particle_count, len(scene.bodies)
-        own, many, parts = _meets_itself(scene), kinds > 1, contact_parts(scene) if parts is None else parts
+        self_contact, many, parts = (
+            _has_self_contact(scene),
+            kinds > 1,
+            contact_parts(scene) if parts is None else parts,
+        )
         self.record = self._new(self._record_of(scene))
         kind = np.zeros(len(body_set.copies), np.int32)
         kind[body_set.body] = kinds_of_particles(scene)
         self._pairs = self._new(body_set.body.astype(np.int32)), self._new(kind), np.int32(kinds)
-        rest = body_set.clusters.position if own else None
+        rest = body_set.clusters.position if self_contact else None
         self.neighbours = Neighbours(real, particles, self._pairs, rest, stream)
         self._touching = self._new(np.zeros(SIZE * particles, real))
         self._flat = self.neighbours.flat
-        self.variant = own, many
+        self.variant = self_contact, many
         self._keeps, has_couples = "rigid-motion" in parts, "couples" in parts
         self.bounces = "contact-restitution" in parts
-        self._bounce = make_bounce(real, math, own, many, self._keeps)
+        self._bounce = make_bounce(real, math, self_contact, many, self._keeps)
         self._pressed = self._new(np.zeros(MAX_NEIGHBOURS * particles if self._keeps else 0, real))
-        variant = "contact-friction" in parts, "contact-adhesion" in parts, own, many, self._keeps, has_couples
+        variant = "contact-friction" in parts, "contact-adhesion" in parts, self_contact, many, self._keeps, has_couples
         self._project = make_project(real, math, *variant)
 
     def _new(self, array: np.ndarray) -> Any:
@@ -70,7 +74,7 @@ class ParticleContacts:
     def _record_of(self, scene: Scene) -> np.ndarray:
         """Return the record and the largest contact distance."""
         record = particle_contact_record(scene, self._real)
-        return np.append(record, pair_rows(scene)[:, :, G_REACH].max()).astype(self._real)
+        return np.append(record, pair_rows(scene)[:, :, G_SEARCH_RADIUS].max()).astype(self._real)
 
     @property
     def finding(self) -> int:
@@ -104,12 +108,12 @@ class ParticleContacts:
         """Search the neighbours of all particles at the predicted positions."""
         self.neighbours.find(position, self.record)
         if self._keeps:
-            self._project.clear[self._flat](self.neighbours.found, self._pressed)
+            self._project.clear[self._flat](self.neighbours.neighbour_counts, self._pressed)
 
     def project(self, before: Any, position: Any, travel: Any = None, couples: Any = None) -> None:
         """Sweep over the contacts of the substep that began at `before`; `travel`: with rigid bodies; `couples`: with
         friction that turns clusters."""
-        arguments = self.neighbours.found, self.neighbours.table, self.record, *self._pairs, self._touching
+        arguments = self.neighbours.neighbour_counts, self.neighbours.table, self.record, *self._pairs, self._touching
         pressed = None if travel is None else self._pressed
         travels = tuple(one for one in (travel, pressed, couples) if one is not None)
         for _ in range(self._sweeps):
@@ -123,8 +127,8 @@ class ParticleContacts:
         return arguments
 
     def _impacts(self, *states: Any) -> tuple[Any, ...]:
-        found, table = self.neighbours.found, self.neighbours.table
-        return *states, found, table, self.record, *self._pairs, self._touching
+        counts, table = self.neighbours.neighbour_counts, self.neighbours.table
+        return *states, counts, table, self.record, *self._pairs, self._touching
 
     def bounce(self, position: Any, old: Any, velocity: Any) -> None:
         """Bounce particles in contact at `position`; `old`, `velocity`: velocities at the substep's start and end."""

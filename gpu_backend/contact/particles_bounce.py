@@ -17,7 +17,7 @@ from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.quads import load_quad, store_quad
 from softlab.model.contact.particle_parameters import (
     G_DISTANCE,
-    G_OWN,
+    G_SELF_DISTANCE,
     H_RESTITUTION,
     H_SETTLING,
     MAX_NEIGHBOURS,
@@ -26,7 +26,7 @@ from softlab.model.formulas import particle_contact
 
 
 @cache
-def make_lack(real: Any, math: str, own: bool, many: bool, has_rigid: bool = False) -> Any:
+def make_lack(real: Any, math: str, self_contact: bool, many: bool, has_rigid: bool = False) -> Any:
     """Make lack_of(i, j, p, o, v, w, position, old, record, body, kind, kinds, travel, pressed): see the inner
     function.
 
@@ -36,14 +36,14 @@ def make_lack(real: Any, math: str, own: bool, many: bool, has_rigid: bool = Fal
     formulas = device_formulas(particle_contact.make, real, math)
     squared, touches = formulas.squared, formulas.touching
     direction, lacking, parting = formulas.direction, formulas.lacking, formulas.parting
-    pair_of, zero = make_pairs(own, many), real(0)
+    pair_of, zero = make_pairs(self_contact, many), real(0)
 
     @inlined(math)
     def lack_of(i, j, p, o, v, w, position, old, record, body, kind, kinds, travel, pressed):
         """Return how much faster particle i, at p, o and v, must separate from j, at w, and the unit normal from j;
         `pressed`: their contact in the substep."""
         q, (row, same) = load_quad(position, j), pair_of(i, j, body, kind, kinds)
-        distance = record[row + G_OWN] if same else record[row + G_DISTANCE]
+        distance = record[row + G_SELF_DISTANCE] if same else record[row + G_DISTANCE]
         dx, dy, dz = p[0] - q[0], p[1] - q[1], p[2] - q[2]
         lack, nx, ny, nz = zero, zero, zero, zero
         if touches(squared(dx, dy, dz), distance):
@@ -64,26 +64,34 @@ def make_lack(real: Any, math: str, own: bool, many: bool, has_rigid: bool = Fal
 
 
 @cache
-def make_bounce(real: Any, math: str, own: bool, many: bool, has_rigid: bool = False) -> SimpleNamespace:
+def make_bounce(real: Any, math: str, self_contact: bool, many: bool, has_rigid: bool = False) -> SimpleNamespace:
     """Compile `count` and `bounce`, both (position, old, velocity, found, neighbours, record, body, kind, kinds,
     touching).
 
     `count`: for each particle with neighbours a quad of its velocity and of its weight times the pairs that must
-    separate faster. `bounce`: velocities, in place. `old`: velocities at the start of the substep; `own`, `many`: as in
+    separate faster. `bounce`: velocities, in place. `old`: velocities at the start of the substep; `self_contact`,
+    `many`: as in
     `make_pairs`. With `has_rigid` only `count`, whose last arguments are `travel` and `pressed`, as of `make_lack` and
     contact/particles_project.py.
     """
     formulas = device_formulas(particle_contact.make, real, math)
     split, added, moved = formulas.split, formulas.added, formulas.moved
-    lack_of, zero, one, most = make_lack(real, math, own, many, has_rigid), real(0), real(1), np.int32(MAX_NEIGHBOURS)
+    lack_of, zero, one, most = (
+        make_lack(real, math, self_contact, many, has_rigid),
+        real(0),
+        real(1),
+        np.int32(MAX_NEIGHBOURS),
+    )
 
     @inlined(math)
-    def count_one(i, position, old, velocity, found, neighbours, record, body, kind, kinds, touching, travel, pressed):
-        if i < found.size:
-            kept, particles = np.int32(min(found[i], most)), np.int64(found.size)
-            if kept > 0:
+    def count_one(
+        i, position, old, velocity, neighbour_counts, neighbours, record, body, kind, kinds, touching, travel, pressed
+    ):
+        if i < neighbour_counts.size:
+            neighbour_count, particles = np.int32(min(neighbour_counts[i], most)), np.int64(neighbour_counts.size)
+            if neighbour_count > 0:
                 p, o, v, pairs = load_quad(position, i), load_quad(old, i), load_quad(velocity, i), np.int32(0)
-                for s in range(kept):
+                for s in range(neighbour_count):
                     j = neighbours[s * particles + i]
                     w = load_quad(velocity, j)
                     by = pressed[s * particles + i] if has_rigid else zero
@@ -92,33 +100,65 @@ def make_bounce(real: Any, math: str, own: bool, many: bool, has_rigid: bool = F
                         pairs = np.int32(pairs + 1)
                 store_quad(touching, i, v[0], v[1], v[2], p[3] * real(pairs))
 
-    def count_soft(position, old, velocity, found, neighbours, record, body, kind, kinds, touching):
+    def count_soft(position, old, velocity, neighbour_counts, neighbours, record, body, kind, kinds, touching):
         i = np.int32(cuda.grid(1))
         count_one(
-            i, position, old, velocity, found, neighbours, record, body, kind, kinds, touching, touching, touching
+            i,
+            position,
+            old,
+            velocity,
+            neighbour_counts,
+            neighbours,
+            record,
+            body,
+            kind,
+            kinds,
+            touching,
+            touching,
+            touching,
         )
 
-    def count_rigid(position, old, velocity, found, neighbours, record, body, kind, kinds, touching, travel, pressed):
+    def count_rigid(
+        position, old, velocity, neighbour_counts, neighbours, record, body, kind, kinds, touching, travel, pressed
+    ):
         i = np.int32(cuda.grid(1))
-        count_one(i, position, old, velocity, found, neighbours, record, body, kind, kinds, touching, travel, pressed)
+        count_one(
+            i,
+            position,
+            old,
+            velocity,
+            neighbour_counts,
+            neighbours,
+            record,
+            body,
+            kind,
+            kinds,
+            touching,
+            travel,
+            pressed,
+        )
 
-    def bounce(position, old, velocity, found, neighbours, record, body, kind, kinds, touching):
+    def bounce(position, old, velocity, neighbour_counts, neighbours, record, body, kind, kinds, touching):
         i = np.int32(cuda.grid(1))
-        if i < found.size:
-            kept, particles = np.int32(min(found[i], most)), np.int64(found.size)
-            if kept > 0:
+        if i < neighbour_counts.size:
+            neighbour_count, particles = np.int32(min(neighbour_counts[i], most)), np.int64(neighbour_counts.size)
+            if neighbour_count > 0:
                 v = load_quad(touching, i)
                 if v[3] > zero:
                     p, o, x, y, z = load_quad(position, i), load_quad(old, i), zero, zero, zero
-                    for s in range(kept):
+                    for s in range(neighbour_count):
                         j = neighbours[s * particles + i]
                         w = load_quad(touching, j)
                         lack, nx, ny, nz = lack_of(
                             i, j, p, o, v, w, position, old, record, body, kind, kinds, touching, zero
                         )
                         if lack > zero:
-                            share = split(v[3], one, w[3], one)
-                            x, y, z = added(x, share, lack, nx), added(y, share, lack, ny), added(z, share, lack, nz)
+                            fraction = split(v[3], one, w[3], one)
+                            x, y, z = (
+                                added(x, fraction, lack, nx),
+                                added(y, fraction, lack, ny),
+                                added(z, fraction, lack, nz),
+                            )
                     weight = p[3]
                     store_quad(
                         velocity, i, moved(v[0], weight, x), moved(v[1], weight, y), moved(v[2], weight, z), zero
@@ -126,5 +166,7 @@ def make_bounce(real: Any, math: str, own: bool, many: bool, has_rigid: bool = F
 
     count = count_rigid if has_rigid else count_soft
     count.__name__ = "count"
-    variant = f"particle_contacts_{variant_name(real, math, f'own{own:d}', f'many{many:d}', 'rigid' * has_rigid)}"
+    variant = (
+        f"particle_contacts_{variant_name(real, math, f'own{self_contact:d}', f'many{many:d}', 'rigid' * has_rigid)}"
+    )
     return make_kernels((count,) if has_rigid else (count, bounce), variant, **kernel_options(math))

@@ -22,8 +22,8 @@ from softlab.gpu_backend.core.quads import load_quad, store_quad
 from softlab.model.contact.particle_parameters import (
     G_DISTANCE,
     G_NEIGHBOURS,
-    G_OWN,
-    G_REACH,
+    G_SEARCH_RADIUS,
+    G_SELF_DISTANCE,
     H_INVERSE_CELL,
     MAX_NEIGHBOURS,
     PAIR_FIELDS,
@@ -36,20 +36,20 @@ MIN_TABLE = 8  # buckets: a row's three cells are three different buckets, and n
 
 
 @cache
-def make_pairs(own: bool, many: bool) -> Any:
+def make_pairs(self_contact: bool, many: bool) -> Any:
     """Make pair_of(i, j, body, kind, kinds) -> (offset of the row of particles i and j in the record, true if they are
     of one body).
 
-    `own`: some body has self-contact; `many`: the scene has more than one kind of bodies.
+    `self_contact`: some body has self-contact; `many`: the scene has more than one kind of bodies.
     """
     pairs, fields = np.int32(PAIRS), np.int32(PAIR_FIELDS)
 
     @cuda.jit(device=True)
     def pair_of(i, j, body, kind, kinds):
         row, same = pairs, False
-        if own or many:
+        if self_contact or many:
             one, other = body[i], body[j]
-            if own:
+            if self_contact:
                 same = one == other
             if many:
                 row = np.int32(pairs + fields * (kind[one] * kinds + kind[other]))
@@ -120,32 +120,32 @@ def _sort(real: Any) -> tuple[Any, ...]:
     return hash_particles, fill_buckets, arrange
 
 
-def _look_around(real: Any, own: bool, many: bool) -> Any:
+def _make_search(real: Any, self_contact: bool, many: bool) -> Any:
     formulas, cells = device_formulas(particle_contact.make, real, "exact"), _make_cells(real)
     squared, within, cell_of, bucket_of = formulas.squared, formulas.within, cells.cell_of, cells.bucket_of
-    device, pair_of = cuda.jit(device=True, **kernel_options("exact")), make_pairs(own, many)
+    device, pair_of = cuda.jit(device=True, **kernel_options("exact")), make_pairs(self_contact, many)
     zero, one, three, most = real(0), np.int32(1), np.int32(3), np.int32(MAX_NEIGHBOURS)
 
     @device
     def take(i, j, p, q, record, body, kind, kinds, rest):
         """Return True if particle j at q, in a cell next to that of particle i at p, is a neighbour of i."""
         row, same = pair_of(i, j, body, kind, kinds)
-        if not within(squared(p[0] - q[0], p[1] - q[1], p[2] - q[2]), record[row + G_REACH]):
+        if not within(squared(p[0] - q[0], p[1] - q[1], p[2] - q[2]), record[row + G_SEARCH_RADIUS]):
             return False
         if not same:
             return record[row + G_DISTANCE] > zero
-        if i == j or not record[row + G_OWN] > zero:
+        if i == j or not record[row + G_SELF_DISTANCE] > zero:
             return False
         a, b = load_quad(rest, i), load_quad(rest, j)
         return not within(squared(a[0] - b[0], a[1] - b[1], a[2] - b[2]), record[row + G_NEIGHBOURS])
 
     def find_neighbours(
         position, record, buckets, starts, sorted_position, sorted_particles, sorted_bodies, body, kind, kinds, rest,
-        neighbours, found, lost,
+        neighbours, neighbour_counts, lost,
     ):  # fmt: skip
         i = np.int32(cuda.grid(1))
-        if i < found.size:
-            count, particles = np.int32(0), np.int64(found.size)
+        if i < neighbour_counts.size:
+            count, particles = np.int32(0), np.int64(neighbour_counts.size)
             if buckets[i] >= 0:
                 p, inverse, longest = load_quad(position, i), record[H_INVERSE_CELL], record[record.size - 1]
                 x, y, z = cell_of(p[0], inverse), cell_of(p[1], inverse), cell_of(p[2], inverse)
@@ -160,7 +160,7 @@ def _look_around(real: Any, own: bool, many: bool) -> Any:
                         last = np.int32(last + starts[end - table])
                     for n in range(first, last):
                         e = np.int32(n - entries) if n >= entries else np.int32(n)
-                        if own or sorted_bodies[e] != here:
+                        if self_contact or sorted_bodies[e] != here:
                             q = load_quad(sorted_position, e)
                             if within(squared(p[0] - q[0], p[1] - q[1], p[2] - q[2]), longest):
                                 if cell_of(q[1], inverse) == cy and cell_of(q[2], inverse) == cz:
@@ -171,13 +171,13 @@ def _look_around(real: Any, own: bool, many: bool) -> Any:
                                         count = np.int32(count + one)
                 if count > most:
                     cuda.atomic.add(lost, 0, np.int64(count - most))
-            found[i] = count
+            neighbour_counts[i] = count
 
     return find_neighbours
 
 
 @cache
-def make_find(real: Any, own: bool, many: bool) -> SimpleNamespace:
+def make_find(real: Any, self_contact: bool, many: bool) -> SimpleNamespace:
     """Compile `hash_particles`, `fill_buckets`, `arrange` and `find_neighbours`.
 
     `hash_particles(position, record, buckets, counts)`: each particle's bucket, and the number of particles in a
@@ -187,5 +187,5 @@ def make_find(real: Any, own: bool, many: bool) -> SimpleNamespace:
     kind, kinds, rest, neighbours, found, lost)`. `starts` has one number more than there are buckets, `record` one more
     than elsewhere: the largest contact distance. Neighbour s of particle i is neighbours[s * particles + i].
     """
-    variant = f"particle_contacts_{variant_name(real, f'own{own:d}', f'many{many:d}')}"
-    return make_kernels((*_sort(real), _look_around(real, own, many)), variant, **kernel_options("exact"))
+    variant = f"particle_contacts_{variant_name(real, f'own{self_contact:d}', f'many{many:d}')}"
+    return make_kernels((*_sort(real), _make_search(real, self_contact, many)), variant, **kernel_options("exact"))

@@ -23,8 +23,8 @@ from softlab.gpu_backend.core.world import World
 from softlab.model.contact.particle_parameters import (
     G_ACTIVE,
     G_DISTANCE,
-    G_OWN,
     G_PULL,
+    G_SELF_DISTANCE,
     H_ASLEEP,
     H_DYNAMIC,
     H_FASTEST,
@@ -42,43 +42,50 @@ def make_project(
     math: str,
     has_friction: bool,
     has_adhesion: bool,
-    own: bool,
+    self_contact: bool,
     many: bool,
     has_rigid: bool = False,
     has_couples: bool = False,
 ) -> SimpleNamespace:
     """Compile `count`, `project` and `clear`.
 
-    `count(position, found, neighbours, record, body, kind, kinds, touching)`: for each particle with neighbours a quad
-    of its position and of its weight times its contacts. `project(before, position, found, neighbours, record, body,
+    `count(position, neighbour_counts, neighbours, record, body, kind, kinds,
+    touching)`: for each particle with neighbours a quad
+    of its position and of its weight times its contacts. `project(before, position, neighbour_counts, neighbours,
+    record, body,
     kind, kinds, touching, travel, pressed)`: particles, in place, and with rigid bodies, `has_rigid`, their travels
-    (shape_matching/rigid.py) and the contact impulses of neighbours, indexed as `neighbours`, which `clear(found,
+    (shape_matching/rigid.py) and the contact impulses of neighbours, indexed as `neighbours`, which `clear(neighbour_counts,
     pressed)` has zeroed; with friction that turns clusters, `has_couples`, its last argument is the particles'
-    `couples` (shape_matching/couples.py). `has_friction`, `has_adhesion`: code for those; `own`, `many`: as in
+    `couples` (shape_matching/couples.py). `has_friction`, `has_adhesion`: code for those; `self_contact`, `many`: as in
     `make_pairs`.
     """
     formulas = device_formulas(particle_contact.make, real, math)
-    squared, within, split, held = formulas.squared, formulas.within, formulas.split, formulas.enforced_distance
+    squared, within, split, enforced_distance = (
+        formulas.squared,
+        formulas.within,
+        formulas.split,
+        formulas.enforced_distance,
+    )
     direction, depth_of, slip, grip = formulas.direction, formulas.depth, formulas.slip, formulas.grip
     added, added_friction, moved = formulas.added, formulas.added_friction, formulas.moved
-    pair_of, zero, one, most = make_pairs(own, many), real(0), real(1), np.int32(MAX_NEIGHBOURS)
+    pair_of, zero, one, most = make_pairs(self_contact, many), real(0), real(1), np.int32(MAX_NEIGHBOURS)
     pressed_by = formulas.pressed
     carried, levers = device_formulas(rigid.make, real, math).carried, device_formulas(couple.make, real, math)
     levered, gathered = levers.levered, levers.gathered
 
     @inlined(math)
-    def lever(u, v, w, share, length, d, b, depth, pull, nx, ny, nz, record):
+    def lever(u, v, w, fraction, length, d, b, depth, pull, nx, ny, nz, record):
         """Return the sum of a particle's couple and the contribution of a contact."""
         if depth > zero or pull > zero:
             sx, sy, sz = slip(d[0], d[1], d[2], b[0], b[1], b[2], nx, ny, nz)
             gripped = grip(sx, sy, sz, depth, pull, record[H_STATIC], record[H_DYNAMIC])
-            u = levered(u, share, length, gripped, ny, sz, nz, sy)
-            v = levered(v, share, length, gripped, nz, sx, nx, sz)
-            w = levered(w, share, length, gripped, nx, sy, ny, sx)
+            u = levered(u, fraction, length, gripped, ny, sz, nz, sy)
+            v = levered(v, fraction, length, gripped, nz, sx, nx, sz)
+            w = levered(w, fraction, length, gripped, nx, sy, ny, sx)
         return u, v, w
 
     @inlined(math)
-    def added_way(x, y, z, share, d, b, depth, pull, nx, ny, nz, record):
+    def displacement_added(x, y, z, fraction, d, b, depth, pull, nx, ny, nz, record):
         """Return the sum of a particle's displacement and that of a contact; d, b: the pair's distance vectors now and
         before."""
         if has_friction:
@@ -86,61 +93,61 @@ def make_project(
                 sx, sy, sz = slip(d[0], d[1], d[2], b[0], b[1], b[2], nx, ny, nz)
                 gripped = grip(sx, sy, sz, depth, pull, record[H_STATIC], record[H_DYNAMIC])
                 x, y, z = (
-                    added_friction(x, share, depth, nx, gripped, sx),
-                    added_friction(y, share, depth, ny, gripped, sy),
-                    added_friction(z, share, depth, nz, gripped, sz),
+                    added_friction(x, fraction, depth, nx, gripped, sx),
+                    added_friction(y, fraction, depth, ny, gripped, sy),
+                    added_friction(z, fraction, depth, nz, gripped, sz),
                 )
                 return x, y, z
-        return added(x, share, depth, nx), added(y, share, depth, ny), added(z, share, depth, nz)
+        return added(x, fraction, depth, nx), added(y, fraction, depth, ny), added(z, fraction, depth, nz)
 
-    def count(position, found, neighbours, record, body, kind, kinds, touching):
+    def count(position, neighbour_counts, neighbours, record, body, kind, kinds, touching):
         i = np.int32(cuda.grid(1))
-        if i < found.size:
-            kept, particles = np.int32(min(found[i], most)), np.int64(found.size)
-            if kept > 0:
+        if i < neighbour_counts.size:
+            neighbour_count, particles = np.int32(min(neighbour_counts[i], most)), np.int64(neighbour_counts.size)
+            if neighbour_count > 0:
                 p, contacts = load_quad(position, i), np.int32(0)
-                for s in range(kept):
+                for s in range(neighbour_count):
                     j = neighbours[s * particles + i]
                     q, (row, same) = load_quad(position, j), pair_of(i, j, body, kind, kinds)
-                    active = record[row + G_OWN] if same else record[row + G_ACTIVE]
+                    active = record[row + G_SELF_DISTANCE] if same else record[row + G_ACTIVE]
                     if within(squared(p[0] - q[0], p[1] - q[1], p[2] - q[2]), active):
                         contacts = np.int32(contacts + 1)
                 store_quad(touching, i, p[0], p[1], p[2], p[3] * real(contacts))
 
     @inlined(math)
     def project_one(
-        i, before, position, found, neighbours, record, body, kind, kinds, touching, travel, pressed, couples
+        i, before, position, neighbour_counts, neighbours, record, body, kind, kinds, touching, travel, pressed, couples
     ):
-        if i < found.size:
-            kept, particles = np.int32(min(found[i], most)), np.int64(found.size)
-            if kept > 0:
+        if i < neighbour_counts.size:
+            neighbour_count, particles = np.int32(min(neighbour_counts[i], most)), np.int64(neighbour_counts.size)
+            if neighbour_count > 0:
                 p = load_quad(touching, i)
                 if p[3] > zero:
                     start, x, y, z = load_quad(before, i), zero, zero, zero
                     u, v, w = zero, zero, zero
-                    for s in range(kept):
+                    for s in range(neighbour_count):
                         j = neighbours[s * particles + i]
                         q, (row, same) = load_quad(touching, j), pair_of(i, j, body, kind, kinds)
                         d = p[0] - q[0], p[1] - q[1], p[2] - q[2]
-                        active = record[row + G_OWN] if same else record[row + G_ACTIVE]
+                        active = record[row + G_SELF_DISTANCE] if same else record[row + G_ACTIVE]
                         if within(squared(d[0], d[1], d[2]), active):
-                            distance = record[row + G_OWN] if same else record[row + G_DISTANCE]
+                            distance = record[row + G_SELF_DISTANCE] if same else record[row + G_DISTANCE]
                             pull = zero
                             if has_adhesion:
                                 if not same:
                                     pull = record[row + G_PULL]
                             other = load_quad(before, j)
                             b = start[0] - other[0], start[1] - other[1], start[2] - other[2]
-                            share = split(p[3], one, q[3], one)
+                            fraction = split(p[3], one, q[3], one)
                             length, nx, ny, nz = direction(d[0], d[1], d[2], distance, i < j)
-                            kept_length = held(distance, b[0], b[1], b[2], record[H_PUSH])
-                            depth = depth_of(length, kept_length, distance, pull)
+                            enforced = enforced_distance(distance, b[0], b[1], b[2], record[H_PUSH])
+                            depth = depth_of(length, enforced, distance, pull)
                             if has_rigid:
                                 k = s * particles + i
-                                pressed[k] = pressed_by(pressed[k], share, depth)
-                            x, y, z = added_way(x, y, z, share, d, b, depth, pull, nx, ny, nz, record)
+                                pressed[k] = pressed_by(pressed[k], fraction, depth)
+                            x, y, z = displacement_added(x, y, z, fraction, d, b, depth, pull, nx, ny, nz, record)
                             if has_couples:
-                                u, v, w = lever(u, v, w, share, length, d, b, depth, pull, nx, ny, nz, record)
+                                u, v, w = lever(u, v, w, fraction, length, d, b, depth, pull, nx, ny, nz, record)
                     weight = start[3]
                     x, y, z = moved(p[0], weight, x), moved(p[1], weight, y), moved(p[2], weight, z)
                     if has_rigid:
@@ -160,35 +167,87 @@ def make_project(
                             zero,
                         )
 
-    def project_soft(before, position, found, neighbours, record, body, kind, kinds, touching):
+    def project_soft(before, position, neighbour_counts, neighbours, record, body, kind, kinds, touching):
         i = np.int32(cuda.grid(1))
         project_one(
-            i, before, position, found, neighbours, record, body, kind, kinds, touching, touching, touching, touching
+            i,
+            before,
+            position,
+            neighbour_counts,
+            neighbours,
+            record,
+            body,
+            kind,
+            kinds,
+            touching,
+            touching,
+            touching,
+            touching,
         )
 
-    def project_rigid(before, position, found, neighbours, record, body, kind, kinds, touching, travel, pressed):
+    def project_rigid(
+        before, position, neighbour_counts, neighbours, record, body, kind, kinds, touching, travel, pressed
+    ):
         i = np.int32(cuda.grid(1))
         project_one(
-            i, before, position, found, neighbours, record, body, kind, kinds, touching, travel, pressed, touching
+            i,
+            before,
+            position,
+            neighbour_counts,
+            neighbours,
+            record,
+            body,
+            kind,
+            kinds,
+            touching,
+            travel,
+            pressed,
+            touching,
         )
 
-    def project_coupled(before, position, found, neighbours, record, body, kind, kinds, touching, couples):
+    def project_coupled(before, position, neighbour_counts, neighbours, record, body, kind, kinds, touching, couples):
         i = np.int32(cuda.grid(1))
         project_one(
-            i, before, position, found, neighbours, record, body, kind, kinds, touching, touching, touching, couples
+            i,
+            before,
+            position,
+            neighbour_counts,
+            neighbours,
+            record,
+            body,
+            kind,
+            kinds,
+            touching,
+            touching,
+            touching,
+            couples,
         )
 
-    def project_all(before, position, found, neighbours, record, body, kind, kinds, touching, travel, pressed, couples):
+    def project_all(
+        before, position, neighbour_counts, neighbours, record, body, kind, kinds, touching, travel, pressed, couples
+    ):
         i = np.int32(cuda.grid(1))
         project_one(
-            i, before, position, found, neighbours, record, body, kind, kinds, touching, travel, pressed, couples
+            i,
+            before,
+            position,
+            neighbour_counts,
+            neighbours,
+            record,
+            body,
+            kind,
+            kinds,
+            touching,
+            travel,
+            pressed,
+            couples,
         )
 
-    def clear(found, pressed):
+    def clear(neighbour_counts, pressed):
         i = np.int32(cuda.grid(1))
-        if i < found.size:
-            particles = np.int64(found.size)
-            for s in range(np.int32(min(found[i], most))):
+        if i < neighbour_counts.size:
+            particles = np.int64(neighbour_counts.size)
+            for s in range(np.int32(min(neighbour_counts[i], most))):
                 pressed[s * particles + i] = zero
 
     if has_couples:
@@ -196,7 +255,13 @@ def make_project(
     else:
         project = project_rigid if has_rigid else project_soft
     project.__name__ = "project"
-    words = ("friction" * has_friction, "adhesion" * has_adhesion, f"own{own:d}", f"many{many:d}", "rigid" * has_rigid)
+    words = (
+        "friction" * has_friction,
+        "adhesion" * has_adhesion,
+        f"own{self_contact:d}",
+        f"many{many:d}",
+        "rigid" * has_rigid,
+    )
     words = *words, "couples" * has_couples
     variant = f"particle_contacts_{variant_name(real, math, *words)}"
     return make_kernels((count, project, clear), variant, **kernel_options(math))

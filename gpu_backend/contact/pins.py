@@ -64,7 +64,7 @@ def pin_marks(body: Body, bodies: np.ndarray, first: int) -> np.ndarray:
 
 @cache
 def make_pins(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """Make `hold(mark, p, step, half_way, world)` -> (x, y, z, vx, vy, vz): the state of a pinned mass, which was at p,
+    """Make `pin(mark, p, step, halfway, world)` -> (x, y, z, vx, vy, vz): the state of a pinned mass, which was at p,
     at the end of step number `step`, or half-way through it; `mark`: its mark."""
     has_motion = "motion" in parts
     paths, instant = device_formulas(motion.make, real, math), device_formulas(cloth.make, real, math).instant
@@ -85,17 +85,17 @@ def make_pins(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
         )  # fmt: skip
 
     @inline
-    def hold(mark, p, step, half_way, world):
+    def pin(mark, p, step, halfway, world):
         parameters, bodies = world.parameters, world.colliders
         x, y, z, vx, vy, vz = p[0], p[1], p[2], zero, zero, zero
         if has_motion:
             if mark > still:
                 clock = parameters.dt, parameters.first_step, parameters.first_time
-                time = middle(step, *clock) if half_way else instant(step + one, *clock)
+                time = middle(step, *clock) if halfway else instant(step + one, *clock)
                 x, y, z, vx, vy, vz = follow(bodies, np.int32(mark), time)
         return x, y, z, vx, vy, vz
 
-    return SimpleNamespace(follow=follow, hold=hold)
+    return SimpleNamespace(follow=follow, pin=pin)
 
 
 @cache

@@ -51,8 +51,8 @@ class HeldContacts:
         most = masses * MAX_CONTACTS
         self._weights = self._new(np.ascontiguousarray(weights, real))
         self.triangles, self.corners = self._integers(most), self._integers(3 * most)
-        self._normals, self.shares, self._forces = (self._new(np.zeros(SIZE * most, real)) for _ in range(3))
-        self.found, self._loads = self._integers(masses), self._new(np.zeros(masses, real))
+        self._normals, self.corner_weights, self._forces = (self._new(np.zeros(SIZE * most, real)) for _ in range(3))
+        self.contact_counts, self._loads = self._integers(masses), self._new(np.zeros(masses, real))
         self._link_counts, self._link_starts, self._link_cursors = (self._integers(masses) for _ in range(3))
         self._links, self._lost = self._integers(3 * most), self._new(np.zeros(1, np.int64))
         self._link_scan = Scan(masses, stream)
@@ -83,18 +83,18 @@ class HeldContacts:
     def _link(self) -> None:
         """List, for each mass, the contacts that it is a corner of."""
         self._link_scan.run(self._link_counts, self._link_starts, self._link_cursors)
-        self._project.fill_links[self._of_masses](self.found, self.corners, self._link_cursors, self._links)
+        self._project.fill_links[self._of_masses](self.contact_counts, self.corners, self._link_cursors, self._links)
         self._project.sort_links[self._of_masses](self._link_starts, self._link_counts, self._links)
 
     def project(self, before: Any, position: Any) -> None:
         """Sweep over the contacts of the substep that began at `before`."""
         kernels, flat = self._project, self._of_masses
         links = self._link_starts, self._link_counts, self._links
-        contacts = position, before, self.found, self.corners, self._normals, self.shares
-        to_move = position, self.found, self.shares, *links, self._weights, self._loads, self._forces
+        contacts = position, before, self.contact_counts, self.corners, self._normals, self.corner_weights
+        to_move = position, self.contact_counts, self.corner_weights, *links, self._weights, self._loads, self._forces
         for _ in range(self._sweeps):
             kernels.deepen[flat](*contacts, *self._around, self._forces)
-            kernels.load_up[flat](self.found, self.shares, *links, self._forces, self._loads)
+            kernels.load_up[flat](self.contact_counts, self.corner_weights, *links, self._forces, self._loads)
             kernels.push[flat](*contacts, self._weights, self._loads, self.record, self._forces)
             kernels.gather[flat](*to_move)
             if self._levers:
@@ -150,8 +150,8 @@ class Contacts(HeldContacts):
         kernels.fill_buckets[self._of_cells](self._buckets, self._cursors, self._sorted)
         kernels.find_contacts[self._of_masses](
             before, predicted, self.record, self._boxes, self._keys, self._starts, self._counts, self._sorted,
-            self._largest, self.triangles, self.corners, self._normals, self.shares, self.found, self._link_counts,
-            self._lost, *self._shape,
+            self._largest, self.triangles, self.corners, self._normals, self.corner_weights, self.contact_counts,
+            self._link_counts, self._lost, *self._shape,
         )  # fmt: skip
         self._link()
 

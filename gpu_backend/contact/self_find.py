@@ -52,13 +52,13 @@ def make_slots(math: str) -> SimpleNamespace:
 
 
 @cache
-def _make_meet(real: Any, math: str) -> Any:
-    """Make meet(k, i, j, p, triangle, before, predicted, columns, parameters, triangles, corners, normals, weights,
-    found): see cpu_backend/contact/self_find.py."""
+def _make_add_contact(real: Any, math: str) -> Any:
+    """Make add_contact(k, i, j, p, triangle, before, predicted, columns, parameters, triangles, corners, normals, weights,
+    contact_count): see cpu_backend/contact/self_find.py."""
     device = cuda.jit(device=True, **kernel_options(math))
     formulas, numbers = device_formulas(contact.make, real, math), contact.make_numbers(device)
     nearest, away, length, dot = formulas.nearest, formulas.away, formulas.length, formulas.dot
-    rest_distance, normal, held_distance = formulas.rest_distance, formulas.normal, formulas.enforced_distance
+    rest_distance, normal, enforced_distance = formulas.rest_distance, formulas.normal, formulas.enforced_distance
     corners_of, owns = numbers.corners, numbers.owns
     two, zero, slots = np.int64(2), real(0), make_slots(math)
     place_of, copy = slots.place_of, slots.copy
@@ -69,13 +69,27 @@ def _make_meet(real: Any, math: str) -> Any:
         return length(x - (other[0] - was[0]), y - (other[1] - was[1]), z - (other[2] - was[2]))
 
     @device
-    def meet(
-        k, i, j, p, moved, triangle, before, predicted, columns, parameters, triangles, corners, normals, weights, found
+    def add_contact(
+        k,
+        i,
+        j,
+        p,
+        moved,
+        triangle,
+        before,
+        predicted,
+        columns,
+        parameters,
+        triangles,
+        corners,
+        normals,
+        weights,
+        contact_count,
     ):
         second, cell = triangle % two == 1, triangle // two
         a, b, c = corners_of(triangle, columns)
         if a == k or b == k or c == k:
-            return found
+            return contact_count
         qa, qb, qc = load_quad(before, a), load_quad(before, b), load_quad(before, c)
         ux, uy, uz = qb[0] - qa[0], qb[1] - qa[1], qb[2] - qa[2]
         vx, vy, vz = qc[0] - qa[0], qc[1] - qa[1], qc[2] - qa[2]
@@ -83,19 +97,19 @@ def _make_meet(real: Any, math: str) -> Any:
         feature, s, t = nearest(ux, uy, uz, vx, vy, vz, px, py, pz)
         cell_i = cell // (columns - 1)
         if not owns(second, feature, cell_i, cell - cell_i * (columns - 1)):
-            return found
+            return contact_count
         rx, ry, rz = away(px, ux, vx, s, t), away(py, uy, vy, s, t), away(pz, uz, vz, s, t)
         distance = length(rx, ry, rz)
         nearer = motion(load_quad(predicted, a), moved[0], moved[1], moved[2], qa)
         nearer = max(nearer, motion(load_quad(predicted, b), moved[0], moved[1], moved[2], qb))
         nearer = max(nearer, motion(load_quad(predicted, c), moved[0], moved[1], moved[2], qc))
         if not distance < parameters.thickness + parameters.margin + nearer:
-            return found
+            return contact_count
         first = k * MAX_CONTACTS
-        last = first + min(found, MAX_CONTACTS)
+        last = first + min(contact_count, MAX_CONTACTS)
         place = place_of(first, last, distance, triangle, triangles, weights)
         if place == first + MAX_CONTACTS:
-            return found + 1
+            return contact_count + 1
         slot = min(last, first + MAX_CONTACTS - 1)
         while slot > place:
             copy(slot - 1, slot, triangles, corners, normals, weights)
@@ -110,12 +124,12 @@ def _make_meet(real: Any, math: str) -> Any:
         )  # fmt: skip
         triangles[place] = triangle
         corners[3 * place], corners[3 * place + 1], corners[3 * place + 2] = a, b, c
-        held = held_distance(parameters.thickness, rest, dot(nx, ny, nz, rx, ry, rz), parameters.push)
-        store_quad(normals, place, nx, ny, nz, held)
+        enforced = enforced_distance(parameters.thickness, rest, dot(nx, ny, nz, rx, ry, rz), parameters.push)
+        store_quad(normals, place, nx, ny, nz, enforced)
         store_quad(weights, place, s, t, distance, zero)
-        return found + 1
+        return contact_count + 1
 
-    return meet
+    return add_contact
 
 
 @cache
@@ -207,38 +221,38 @@ def _hash(real: Any, math: str) -> tuple[Any, ...]:
     return clear, hash_cells, fill_buckets
 
 
-def _look_around(real: Any, math: str) -> Any:
-    cells, meet = _make_cells(real, math), _make_meet(real, math)
+def _make_find_contacts(real: Any, math: str) -> Any:
+    cells, add_contact = _make_cells(real, math), _make_add_contact(real, math)
     floor, relative, scaled, key_of, bucket_of = cells.floor, cells.relative, cells.scaled, cells.key, cells.bucket
     one, two, span = np.int64(1), np.int64(2), np.int64(SPAN)
 
     def find_contacts(
         before, predicted, record, boxes, keys, starts, counts, sorted_cells, largest, triangles, corners, normals,
-        weights, found, link_counts, lost, rows, columns,
+        weights, contact_counts, link_counts, lost, rows, columns,
     ):  # fmt: skip
         """Write found[k], the number of triangles that mass k may touch; store the first MAX_CONTACTS, and count by
         corner."""
         parameters = record[0]
         k = np.int64(cuda.grid(1))
         rows, columns = np.int64(rows), np.int64(columns)
-        if k < found.size:
+        if k < contact_counts.size:
             i, count = k // columns, np.int64(0)
             j = k - i * columns
             reference = (rows // two) * columns + columns // two
             p, now = load_quad(before, k), load_quad(predicted, k)
             moved = now[0] - p[0], now[1] - p[1], now[2] - p[2]
-            own = parameters.thickness + parameters.margin + relative(
+            radius = parameters.thickness + parameters.margin + relative(
                 p, now, load_quad(before, reference), load_quad(predicted, reference)
             )  # fmt: skip
-            reach, scale = min(own + largest[0], parameters.reach), parameters.inverse_cell
+            search_radius, scale = min(radius + largest[0], parameters.reach), parameters.inverse_cell
             x, y, z = (
-                floor(scaled(p[0] - reach, scale)),
-                floor(scaled(p[1] - reach, scale)),
-                floor(scaled(p[2] - reach, scale)),
+                floor(scaled(p[0] - search_radius, scale)),
+                floor(scaled(p[1] - search_radius, scale)),
+                floor(scaled(p[2] - search_radius, scale)),
             )
-            span_x = min(floor(scaled(p[0] + reach, scale)) - x + one, span)
-            span_y = min(floor(scaled(p[1] + reach, scale)) - y + one, span)
-            span_z = min(floor(scaled(p[2] + reach, scale)) - z + one, span)
+            span_x = min(floor(scaled(p[0] + search_radius, scale)) - x + one, span)
+            span_y = min(floor(scaled(p[1] + search_radius, scale)) - y + one, span)
+            span_z = min(floor(scaled(p[2] + search_radius, scale)) - z + one, span)
             for place in range(span_x * span_y * span_z):
                 cx, cy, cz = x + place % span_x, y + place // span_x % span_y, z + place // (span_x * span_y)
                 key, bucket = key_of(cx, cy, cz), bucket_of(cx, cy, cz, np.int64(counts.size - 1))
@@ -247,15 +261,15 @@ def _look_around(real: Any, math: str) -> Any:
                     if keys[q] == key:
                         low, high = load_quad(boxes, two * q), load_quad(boxes, two * q + one)
                         if not (
-                            p[0] < low[0] - own or p[0] > high[0] + own or p[1] < low[1] - own or p[1] > high[1] + own
-                            or p[2] < low[2] - own or p[2] > high[2] + own
+                            p[0] < low[0] - radius or p[0] > high[0] + radius or p[1] < low[1] - radius
+                            or p[1] > high[1] + radius or p[2] < low[2] - radius or p[2] > high[2] + radius
                         ):  # fmt: skip
                             for second in range(2):
-                                count = meet(
+                                count = add_contact(
                                     k, i, j, p, moved, two * q + second, before, predicted, columns, parameters, triangles,
                                     corners, normals, weights, count,
                                 )  # fmt: skip
-            found[k] = count
+            contact_counts[k] = count
             if count > MAX_CONTACTS:
                 cuda.atomic.add(lost, 0, np.int64(count - MAX_CONTACTS))
             for place in range(3 * MAX_CONTACTS * k, 3 * (MAX_CONTACTS * k + min(count, MAX_CONTACTS))):
@@ -267,5 +281,5 @@ def _look_around(real: Any, math: str) -> Any:
 @cache
 def make_find(real: Any, math: str) -> SimpleNamespace:
     """Compile `clear`, `hash_cells`, `fill_buckets`, `find_contacts`; `before`, `predicted`: quads of masses."""
-    kernels = (*_hash(real, math), _look_around(real, math))
+    kernels = (*_hash(real, math), _make_find_contacts(real, math))
     return make_kernels(kernels, f"contacts_{variant_name(real, math)}", **kernel_options(math))

@@ -19,15 +19,16 @@ from softlab.model.formulas import contact, surface_contact
 
 @cache
 def _make_corners(real: Any, math: str) -> SimpleNamespace:
-    """Make `held(found, k)`, the range of the contacts of mass k, `offset(points, k, a, b, c, s, t)`, the vector from a
-    triangle's point to it, and `share(weights, place)`, the weight of the corner place % 3 of contact place // 3."""
+    """Make `slots_of(contact_counts, k)`, the range of the contacts of mass k, `offset(points, k, a, b, c, s, t)`,
+    the vector from a
+    triangle's point to it, and `corner_weight(weights, place)`, the weight of the corner place % 3 of contact place // 3."""
     device, f = cuda.jit(device=True, **kernel_options(math)), device_formulas(contact.make, real, math)
     mixed, first_weight = f.mixed, f.first_weight
 
     @device
-    def held(found, k):
+    def slots_of(contact_counts, k):
         first = k * MAX_CONTACTS
-        return first, first + min(np.int64(found[k]), np.int64(MAX_CONTACTS))
+        return first, first + min(np.int64(contact_counts[k]), np.int64(MAX_CONTACTS))
 
     @device
     def offset(points, k, a, b, c, s, t):
@@ -39,24 +40,24 @@ def _make_corners(real: Any, math: str) -> SimpleNamespace:
         )
 
     @device
-    def share(weights, place):
+    def corner_weight(weights, place):
         w, corner = load_quad(weights, place // 3), place % 3
         if corner == 0:
             return first_weight(w[0], w[1])
         return w[0] if corner == 1 else w[1]
 
-    return SimpleNamespace(held=held, offset=offset, share=share)
+    return SimpleNamespace(slots_of=slots_of, offset=offset, corner_weight=corner_weight)
 
 
 def _link(real: Any, math: str) -> tuple[Any, ...]:
     """Make the kernels that list the contacts that a mass is a corner of, in one order, and sum their load on it."""
     corners_of, zero, one = _make_corners(real, math), real(0), real(1)
-    held, share = corners_of.held, corners_of.share
+    slots_of, corner_weight = corners_of.slots_of, corners_of.corner_weight
 
-    def fill_links(found, corners, cursors, links):
+    def fill_links(contact_counts, corners, cursors, links):
         k = np.int64(cuda.grid(1))
-        if k < found.size:
-            first, last = held(found, k)
+        if k < contact_counts.size:
+            first, last = slots_of(contact_counts, k)
             for place in range(3 * first, 3 * last):
                 links[cuda.atomic.add(cursors, corners[place], 1)] = place
 
@@ -65,23 +66,23 @@ def _link(real: Any, math: str) -> tuple[Any, ...]:
         k = np.int64(cuda.grid(1))
         if k < counts.size:
             for at in range(starts[k] + 1, starts[k] + counts[k]):
-                own, place = links[at], at
-                while place > starts[k] and links[place - 1] > own:
+                link, place = links[at], at
+                while place > starts[k] and links[place - 1] > link:
                     links[place] = links[place - 1]
                     place -= 1
-                links[place] = own
+                links[place] = link
 
-    def load_up(found, weights, starts, counts, links, forces, loads):
+    def load_up(contact_counts, weights, starts, counts, links, forces, loads):
         k = np.int64(cuda.grid(1))
-        if k < found.size:
+        if k < contact_counts.size:
             load = zero
-            first, last = held(found, k)
+            first, last = slots_of(contact_counts, k)
             for slot in range(first, last):
                 if load_quad(forces, slot)[3] > zero:
                     load += one
             for entry in range(starts[k], starts[k] + counts[k]):
                 if load_quad(forces, links[entry] // 3)[3] > zero:
-                    load += share(weights, links[entry])
+                    load += corner_weight(weights, links[entry])
             loads[k] = load
 
     return fill_links, sort_links, load_up
@@ -93,7 +94,7 @@ def _make_now(real: Any, math: str) -> SimpleNamespace:
     device, f = cuda.jit(device=True, **kernel_options(math)), device_formulas(surface_contact.make, real, math)
     checked, apart, over, through = f.checked, f.apart, f.over, f.through
     rub, load, split = f.rub, f.load, f.split
-    none, own, nearest = surface_contact.NONE, surface_contact.BY_TRIANGLE, surface_contact.NEAREST
+    none, by_triangle, nearest = surface_contact.NONE, surface_contact.BY_TRIANGLE, surface_contact.NEAREST
     first_weight = device_formulas(contact.make, real, math).first_weight
 
     @device
@@ -115,7 +116,7 @@ def _make_now(real: Any, math: str) -> SimpleNamespace:
         if check == none:
             return depth
         left = n[3] - apart(p, q, w)
-        if check != own:
+        if check != by_triangle:
             for place in range(3 * slot, 3 * slot + 3):
                 for at in range(starts[corners[place]], starts[corners[place] + 1]):
                     t = 3 * lists[at]
@@ -159,16 +160,16 @@ def _make_now(real: Any, math: str) -> SimpleNamespace:
 def _move(real: Any, math: str, friction: bool, surfaces: bool) -> tuple[Any, ...]:
     current, levered = _make_now(real, math), friction and surfaces
     corners_of, f, zero, one = _make_corners(real, math), device_formulas(contact.make, real, math), real(0), real(1)
-    held, offset, share = corners_of.held, corners_of.offset, corners_of.share
-    shallower, load_of_share = current.shallower, current.load
+    slots_of, offset, corner_weight = corners_of.slots_of, corners_of.offset, corners_of.corner_weight
+    shallower, load_at = current.shallower, current.load
     dot, length, along, stiffness, inverse, slip = f.dot, f.length, f.along, f.stiffness, f.inverse, f.slip
     correction, rubbed, scaled, taken, shifted = f.correction, f.rubbed, f.scaled, f.taken, f.shifted
 
-    def deepen(position, before, found, corners, normals, weights, starts, lists, surface, forces):
+    def deepen(position, before, contact_counts, corners, normals, weights, starts, lists, surface, forces):
         """Write forces (quads): the depth of contacts. `starts`, `lists`, `surface`: see `make_project`."""
         k = np.int64(cuda.grid(1))
-        if k < found.size:
-            first, last = held(found, k)
+        if k < contact_counts.size:
+            first, last = slots_of(contact_counts, k)
             for slot in range(first, last):
                 n, w = load_quad(normals, slot), load_quad(weights, slot)
                 a, b, c = corners[3 * slot], corners[3 * slot + 1], corners[3 * slot + 2]
@@ -179,13 +180,13 @@ def _move(real: Any, math: str, friction: bool, surfaces: bool) -> tuple[Any, ..
                     depth = shallower(slot, k, position, before, corners, n, r, depth, starts, lists, surface)
                 store_quad(forces, slot, zero, zero, zero, depth)
 
-    def push(position, before, found, corners, normals, weights, mass_weights, loads, record, forces):
+    def push(position, before, contact_counts, corners, normals, weights, mass_weights, loads, record, forces):
         """Compute the displacement of a mass by a contact, for a weight of 1; before friction of surfaces, its normal
         impulse in place of the depth."""
         parameters = record[0]
         k = np.int64(cuda.grid(1))
-        if k < found.size:
-            first, last = held(found, k)
+        if k < contact_counts.size:
+            first, last = slots_of(contact_counts, k)
             for slot in range(first, last):
                 depth = load_quad(forces, slot)[3]
                 if depth > zero:
@@ -211,12 +212,12 @@ def _move(real: Any, math: str, friction: bool, surfaces: bool) -> tuple[Any, ..
                         )  # fmt: skip
                     store_quad(forces, slot, x, y, z, scaled(depth, scale) if levered else depth)
 
-    def gather(position, found, weights, starts, counts, links, mass_weights, loads, forces):
+    def gather(position, contact_counts, weights, starts, counts, links, mass_weights, loads, forces):
         """Move the masses by their contacts. With friction of surfaces, write the loads for it, too."""
         k = np.int64(cuda.grid(1))
-        if k < found.size:
+        if k < contact_counts.size:
             x, y, z, load = zero, zero, zero, zero
-            first, last = held(found, k)
+            first, last = slots_of(contact_counts, k)
             for slot in range(first, last):
                 force = load_quad(forces, slot)
                 if force[3] > zero:
@@ -224,9 +225,9 @@ def _move(real: Any, math: str, friction: bool, surfaces: bool) -> tuple[Any, ..
             for entry in range(starts[k], starts[k] + counts[k]):
                 force = load_quad(forces, links[entry] // 3)
                 if force[3] > zero:
-                    part = share(weights, links[entry])
+                    part = corner_weight(weights, links[entry])
                     x, y, z = taken(x, part, force[0]), taken(y, part, force[1]), taken(z, part, force[2])
-                    load += load_of_share(part)
+                    load += load_at(part)
             if loads[k] > zero and mass_weights[k] > zero:
                 p, w = load_quad(position, k), mass_weights[k]
                 store_quad(position, k, shifted(p[0], w, x), shifted(p[1], w, y), shifted(p[2], w, z), p[3])
@@ -240,15 +241,15 @@ def _rub(real: Any, math: str) -> tuple[Any, ...]:
     """Make the kernels of the friction of surfaces, after `gather`."""
     current, corners_of, zero = _make_now(real, math), _make_corners(real, math), real(0)
     rubbed, lever = current.rubbed, current.lever
-    held, offset, share = corners_of.held, corners_of.offset, corners_of.share
+    slots_of, offset, corner_weight = corners_of.slots_of, corners_of.offset, corners_of.corner_weight
     f = device_formulas(contact.make, real, math)
     taken, shifted = f.taken, f.shifted
 
-    def rub(position, before, found, corners, normals, weights, mass_weights, loads, record, forces, turns):
+    def rub(position, before, contact_counts, corners, normals, weights, mass_weights, loads, record, forces, turns):
         """Compute the displacement of a mass by a contact's friction, for a weight of 1, and the levers on corners."""
         k = np.int64(cuda.grid(1))
-        if k < found.size:
-            first, last = held(found, k)
+        if k < contact_counts.size:
+            first, last = slots_of(contact_counts, k)
             for slot in range(first, last):
                 press = load_quad(forces, slot)[3]
                 if press > zero:
@@ -264,12 +265,12 @@ def _rub(real: Any, math: str) -> tuple[Any, ...]:
                     store_quad(turns, 2 * slot + 1, e[0], e[1], e[2], zero)
                     store_quad(forces, slot, j[0], j[1], j[2], press)
 
-    def gather_rubbed(position, found, weights, starts, counts, links, mass_weights, loads, forces, turns):
+    def gather_rubbed(position, contact_counts, weights, starts, counts, links, mass_weights, loads, forces, turns):
         """Move the masses by the friction of their contacts."""
         k = np.int64(cuda.grid(1))
-        if k < found.size and loads[k] > zero and mass_weights[k] > zero:
+        if k < contact_counts.size and loads[k] > zero and mass_weights[k] > zero:
             x, y, z = zero, zero, zero
-            first, last = held(found, k)
+            first, last = slots_of(contact_counts, k)
             for slot in range(first, last):
                 force = load_quad(forces, slot)
                 if force[3] > zero:
@@ -277,7 +278,7 @@ def _rub(real: Any, math: str) -> tuple[Any, ...]:
             for entry in range(starts[k], starts[k] + counts[k]):
                 force = load_quad(forces, links[entry] // 3)
                 if force[3] > zero:
-                    part, d = share(weights, links[entry]), lever(turns, links[entry])
+                    part, d = corner_weight(weights, links[entry]), lever(turns, links[entry])
                     x, y, z = taken(x, part, force[0]), taken(y, part, force[1]), taken(z, part, force[2])
                     x, y, z = x - d[0], y - d[1], z - d[2]
             p, w = load_quad(position, k), mass_weights[k]

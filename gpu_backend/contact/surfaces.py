@@ -11,21 +11,21 @@ from softlab.gpu_backend.contact.neighbours import Neighbours, neighbour_bytes
 from softlab.gpu_backend.contact.self_contact import HeldContacts, contact_bytes
 from softlab.gpu_backend.contact.surfaces_find import make_find
 from softlab.gpu_backend.core.quads import SIZE
-from softlab.model.contact.particle_parameters import G_OWN, G_REACH
+from softlab.model.contact.particle_parameters import G_SEARCH_RADIUS, G_SELF_DISTANCE
 from softlab.model.contact.self_contact_parameters import MAX_CONTACTS
-from softlab.model.contact.surface_parameters import TETRAHEDRA_MEET, Meeting, neighbour_record
+from softlab.model.contact.surface_parameters import TETRAHEDRA_MEETING, Meeting, neighbour_record
 from softlab.model.scene.scene import Scene
 
 
-def surface_contact_bytes(scene: Scene, item: int, meeting: Meeting = TETRAHEDRA_MEET) -> int:
+def surface_contact_bytes(scene: Scene, item: int, meeting: Meeting = TETRAHEDRA_MEETING) -> int:
     """Return the device memory [bytes] for the contacts of a scene's bodies; `item`: bytes per scalar."""
     surface = meeting.surface(scene)
     particles, vertices = len(surface.rest), len(surface.vertices)
     lists = 4 * (4 * len(surface.triangles) + 2 * vertices + len(surface.at_vertex.indices) + 2 * particles)
-    own = neighbour_bytes(vertices, True, item) + SIZE * item * (vertices + particles)
+    neighbour_space = neighbour_bytes(vertices, True, item) + SIZE * item * (vertices + particles)
     assert scene.contact is not None
     levers = 2 * SIZE * item * MAX_CONTACTS * particles if scene.contact.static_friction > 0 else 0
-    return contact_bytes(particles, item) + levers + own + lists
+    return contact_bytes(particles, item) + levers + neighbour_space + lists
 
 
 class SurfaceContacts(HeldContacts):
@@ -33,7 +33,13 @@ class SurfaceContacts(HeldContacts):
     particles, on the device."""
 
     def __init__(
-        self, scene: Scene, real: Any, math: str, weights: np.ndarray, stream: Any, meeting: Meeting = TETRAHEDRA_MEET
+        self,
+        scene: Scene,
+        real: Any,
+        math: str,
+        weights: np.ndarray,
+        stream: Any,
+        meeting: Meeting = TETRAHEDRA_MEETING,
     ):
         super().__init__(scene.contact, real, math, weights, stream, surfaces=True)
         self._meeting, surface = meeting, meeting.surface(scene)
@@ -46,8 +52,10 @@ class SurfaceContacts(HeldContacts):
         self._surface = tuple(self._new(np.ascontiguousarray(one)) for one in lists)
         self._around = self._new(surface.at_particle), *self._surface[1:3]
         pairs = self._new(surface.body[vertices]), self._new(np.arange(bodies, dtype=np.int32)), np.int32(bodies)
-        meets_itself = bool((meeting.pairs(scene)[:, :, G_OWN] > 0).any())
-        self._neighbours = Neighbours(real, len(vertices), pairs, rest[vertices, :3] if meets_itself else None, stream)
+        has_self_contact = bool((meeting.pairs(scene)[:, :, G_SELF_DISTANCE] > 0).any())
+        self._neighbours = Neighbours(
+            real, len(vertices), pairs, rest[vertices, :3] if has_self_contact else None, stream
+        )
         balls = meeting.ratio is not None
         self._find, self._of_vertices = make_find(real, math, balls), self._launch(len(vertices))
         self.record, self._pairs = self._new(meeting.record(scene, real)), self._new(self._pairs_of(scene))
@@ -56,7 +64,7 @@ class SurfaceContacts(HeldContacts):
     def _pairs_of(self, scene: Scene) -> np.ndarray:
         """Return the pairs for the search, and the largest contact distance."""
         pairs = self._meeting.pairs(scene)
-        return np.append(neighbour_record(pairs, self._real), pairs[:, :, G_REACH].max()).astype(self._real)
+        return np.append(neighbour_record(pairs, self._real), pairs[:, :, G_SEARCH_RADIUS].max()).astype(self._real)
 
     def _ratio_of(self, scene: Scene) -> np.ndarray:
         """Return the ratios of Meeting; without any one number that is not read."""
@@ -82,10 +90,10 @@ class SurfaceContacts(HeldContacts):
         kernels = self._find
         kernels.take[self._of_vertices](before, self._vertices, self._points)
         self._neighbours.find(self._points, self._pairs)
-        kernels.clear[self._of_masses](self.found, self._link_counts)
+        kernels.clear[self._of_masses](self.contact_counts, self._link_counts)
         kernels.find_contacts[self._of_vertices](
-            before, predicted, self._rest, self._body, self._vertices, self._neighbours.table, self._neighbours.found,
-            *self._surface, self.record, self._ratio, self.triangles, self.corners, self._normals, self.shares, self.found,
-            self._link_counts, self._lost,
+            before, predicted, self._rest, self._body, self._vertices, self._neighbours.table,
+            self._neighbours.neighbour_counts, *self._surface, self.record, self._ratio, self.triangles, self.corners,
+            self._normals, self.corner_weights, self.contact_counts, self._link_counts, self._lost,
         )  # fmt: skip
         self._link()

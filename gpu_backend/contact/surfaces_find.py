@@ -32,12 +32,12 @@ def _make_slots(real: Any, math: str) -> SimpleNamespace:
     def one_side(first, last, body, triangles, corners, normals, weights):
         end = first
         for slot in range(first, last):
-            kept, own = True, body[corners[3 * slot]]
+            on_one_side, first_body = True, body[corners[3 * slot]]
             for lead in range(first, end):
-                if body[corners[3 * lead]] == own:
-                    kept = load_quad(weights, lead)[3] == zero and load_quad(weights, slot)[3] == zero
+                if body[corners[3 * lead]] == first_body:
+                    on_one_side = load_quad(weights, lead)[3] == zero and load_quad(weights, slot)[3] == zero
                     break
-            if kept:
+            if on_one_side:
                 if end != slot:
                     copy(slot, end, triangles, corners, normals, weights)
                 end += 1
@@ -47,14 +47,14 @@ def _make_slots(real: Any, math: str) -> SimpleNamespace:
 
 
 @cache
-def _make_meet(real: Any, math: str, ratios: bool) -> Any:
-    """Make meet(k, p, moved, triangle, before, predicted, rest, body, corners_of, owned, parameters, ratio, triangles,
-    corners, normals, weights, found), as in cpu_backend/contact/surfaces_find.py."""
+def _make_add_contact(real: Any, math: str, ratios: bool) -> Any:
+    """Make add_contact(k, p, moved, triangle, before, predicted, rest, body, corners_of, owned, parameters, ratio, triangles,
+    corners, normals, weights, contact_count), as in cpu_backend/contact/surfaces_find.py."""
     device, slots = cuda.jit(device=True, **kernel_options(math)), _make_slots(real, math)
     formulas, sides = device_formulas(contact.make, real, math), device_formulas(surface_contact.make, real, math)
-    outward, kept_by = sides.outward, sides.scaled_length
+    outward, scaled_length = sides.outward, sides.scaled_length
     nearest, away, length, dot = formulas.nearest, formulas.away, formulas.length, formulas.dot
-    held_distance, mixed = formulas.enforced_distance, formulas.mixed
+    enforced_distance, mixed = formulas.enforced_distance, formulas.mixed
     place_of, copy = slots.place_of, slots.copy
     zero, one, sheet = real(0), real(1), contact.SHEET
 
@@ -74,36 +74,40 @@ def _make_meet(real: Any, math: str, ratios: bool) -> Any:
         )
 
     @device
-    def meet(
+    def add_contact(
         k, p, moved, triangle, before, predicted, rest, body, corners_of, owned, parameters, ratio, triangles, corners,
-        normals, weights, found,
+        normals, weights, contact_count,
     ):  # fmt: skip
         a, b, c = corners_of[3 * triangle], corners_of[3 * triangle + 1], corners_of[3 * triangle + 2]
         if a == k or b == k or c == k:
-            return found
+            return contact_count
         qa, qb, qc = load_quad(before, a), load_quad(before, b), load_quad(before, c)
         ux, uy, uz = qb[0] - qa[0], qb[1] - qa[1], qb[2] - qa[2]
         vx, vy, vz = qc[0] - qa[0], qc[1] - qa[1], qc[2] - qa[2]
         px, py, pz = p[0] - qa[0], p[1] - qa[1], p[2] - qa[2]
         feature, s, t = nearest(ux, uy, uz, vx, vy, vz, px, py, pz)
         if (owned[triangle] >> feature) & 1 == 0:
-            return found
+            return contact_count
         rx, ry, rz = away(px, ux, vx, s, t), away(py, uy, vy, s, t), away(pz, uz, vz, s, t)
         distance = length(rx, ry, rz)
         nearer = max(motion(load_quad(predicted, a), moved, qa), motion(load_quad(predicted, b), moved, qb))
         nearer = max(nearer, motion(load_quad(predicted, c), moved, qc))
         thickness, margin, flat = parameters.thickness, parameters.margin, parameters.normal_distance
         if ratios:  # balls
-            thickness, margin, flat = kept_by(ratio[k], thickness), kept_by(ratio[k], margin), kept_by(ratio[k], flat)
+            thickness, margin, flat = (
+                scaled_length(ratio[k], thickness),
+                scaled_length(ratio[k], margin),
+                scaled_length(ratio[k], flat),
+            )
         if not distance < thickness + margin + nearer:
-            return found
+            return contact_count
         first = k * MAX_CONTACTS
-        last = first + min(found, MAX_CONTACTS)
+        last = first + min(contact_count, MAX_CONTACTS)
         place = place_of(first, last, distance, triangle, triangles, weights)
         if place > first and triangles[place - 1] == triangle:
-            return found
+            return contact_count
         if place == first + MAX_CONTACTS:
-            return found + 1
+            return contact_count + 1
         slot = min(last, first + MAX_CONTACTS - 1)
         while slot > place:
             copy(slot - 1, slot, triangles, corners, normals, weights)
@@ -116,24 +120,25 @@ def _make_meet(real: Any, math: str, ratios: bool) -> Any:
             inside, nx, ny, nz = False, -nx, -ny, -nz
         triangles[place] = triangle
         corners[3 * place], corners[3 * place + 1], corners[3 * place + 2] = a, b, c
-        held = held_distance(thickness, rest_gap, dot(nx, ny, nz, rx, ry, rz), parameters.push)
-        store_quad(normals, place, nx, ny, nz, held)
+        enforced = enforced_distance(thickness, rest_gap, dot(nx, ny, nz, rx, ry, rz), parameters.push)
+        store_quad(normals, place, nx, ny, nz, enforced)
         store_quad(weights, place, s, t, distance, one if inside else zero)
-        return found + 1
+        return contact_count + 1
 
-    return meet
+    return add_contact
 
 
 @cache
 def make_find(real: Any, math: str, ratios: bool = False) -> SimpleNamespace:
     """Compile `take`, `clear` and `find_contacts`.
 
-    `take(before, vertices, points)`: quads of the vertices, each of weight 1; `clear(found, link_counts)`;
+    `take(before, vertices, points)`: quads of the vertices, each of weight 1; `clear(contact_counts, link_counts)`;
     `find_contacts(before, predicted, rest, body, vertices, table, numbers, offsets, at_vertex, corners_of, owned,
-    record, ratio, triangles, corners, normals, weights, found, link_counts, lost)`: `table`, `numbers`: the neighbours
+    record, ratio, triangles, corners, normals, weights, contact_counts, link_counts, lost)`: `table`,
+    `numbers`: the neighbours
     of each vertex.
     """
-    meet, one_side = _make_meet(real, math, ratios), _make_slots(real, math).one_side
+    add_contact, one_side = _make_add_contact(real, math, ratios), _make_slots(real, math).one_side
     one, many = real(1), np.int64(MAX_NEIGHBOURS)
 
     def take(before, vertices, points):
@@ -142,15 +147,15 @@ def make_find(real: Any, math: str, ratios: bool = False) -> SimpleNamespace:
             p = load_quad(before, vertices[i])
             store_quad(points, i, p[0], p[1], p[2], one)
 
-    def clear(found, link_counts):
+    def clear(contact_counts, link_counts):
         k = np.int64(cuda.grid(1))  # type: ignore[call-arg]
-        if k < found.size:
-            found[k] = 0
+        if k < contact_counts.size:
+            contact_counts[k] = 0
             link_counts[k] = 0
 
     def find_contacts(
         before, predicted, rest, body, vertices, table, numbers, offsets, at_vertex, corners_of, owned, record, ratio,
-        triangles, corners, normals, weights, found, link_counts, lost,
+        triangles, corners, normals, weights, contact_counts, link_counts, lost,
     ):  # fmt: skip
         i = np.int64(cuda.grid(1))  # type: ignore[call-arg]
         if i < vertices.size:
@@ -161,16 +166,16 @@ def make_find(real: Any, math: str, ratios: bool = False) -> SimpleNamespace:
             for n in range(min(np.int64(numbers[i]), many)):
                 j = table[n * vertices.size + i]
                 for at in range(offsets[j], offsets[j + 1]):
-                    count = meet(
+                    count = add_contact(
                         k, p, moved, np.int64(at_vertex[at]), before, predicted, rest, body, corners_of, owned, parameters,
                         ratio, triangles, corners, normals, weights, count,
                     )  # fmt: skip
-            kept, first = min(count, np.int64(MAX_CONTACTS)), k * MAX_CONTACTS
-            if count > kept:
-                cuda.atomic.add(lost, 0, count - kept)
-            kept = one_side(first, first + kept, body, triangles, corners, normals, weights)
-            found[k] = kept
-            for place in range(3 * first, 3 * (first + kept)):
+            slot_count, first = min(count, np.int64(MAX_CONTACTS)), k * MAX_CONTACTS
+            if count > slot_count:
+                cuda.atomic.add(lost, 0, count - slot_count)
+            slot_count = one_side(first, first + slot_count, body, triangles, corners, normals, weights)
+            contact_counts[k] = slot_count
+            for place in range(3 * first, 3 * (first + slot_count)):
                 cuda.atomic.add(link_counts, corners[place], 1)
 
     return make_kernels(

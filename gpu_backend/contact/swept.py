@@ -20,25 +20,26 @@ from softlab.model.formulas.fluid import sweep
 
 
 def make_swept(real: Any, math: str, answers: SimpleNamespace) -> tuple[Any, Any]:
-    """Make `meet_capsule`, `meet_box` (before, px, py, pz, vx, vy, vz, slow, bodies, at, begin, end) -> (px, py, pz,
+    """Make `push_from_capsule`, `push_from_box` (before, px, py, pz, vx, vy, vz, slow, bodies, at, begin, end) -> (px,
+    py, pz,
     vx, vy, vz); `answers`: of gpu_backend/contact/colliders.py."""
     formulas, sums = device_formulas(colliders.make, real, math), device_formulas(cloth.make, real, math)
     sweeps, inline = device_formulas(sweep.make, real, math), inlined(math)
     capsule, box, between, pushed = formulas.capsule, formulas.box, sums.between, sums.pushed
     capsule_entry, box_face = sweeps.capsule_entry, sweeps.box_face
-    place_of, answer, push = answers.place_of, answers.answer, answers.push
+    place_of, response, push = answers.place_of, answers.response, answers.push
     zero, one = real(0), real(1)
 
     @inline
-    def way(before, px, py, pz, bodies, at, begin, end):
+    def relative_path(before, px, py, pz, bodies, at, begin, end):
         """Return start and end of a particle's path relative to the collider: six numbers."""
         x, y, z = place_of(bodies, at, end)
         ox, oy, oz = place_of(bodies, at, begin)
         return before[0] - ox, before[1] - oy, before[2] - oz, px - x, py - y, pz - z
 
     @inline
-    def meet_capsule(before, px, py, pz, vx, vy, vz, slow, bodies, at, begin, end):
-        ax, ay, az, dx, dy, dz = way(before, px, py, pz, bodies, at, begin, end)
+    def push_from_capsule(before, px, py, pz, vx, vy, vz, slow, bodies, at, begin, end):
+        ax, ay, az, dx, dy, dz = relative_path(before, px, py, pz, bodies, at, begin, end)
         ex, ey, ez, radius = bodies[at + B_U], bodies[at + B_V], bodies[at + B_W], bodies[at + B_RADIUS]
         part = capsule_entry(ax, ay, az, dx, dy, dz, ex, ey, ez, radius + bodies[at + B_THICKNESS])
         if part < one:
@@ -46,20 +47,20 @@ def make_swept(real: Any, math: str, answers: SimpleNamespace) -> tuple[Any, Any
             dx, dy, dz = between(ax, dx, part), between(ay, dy, part), between(az, dz, part)
             px, py, pz = x + dx, y + dy, z + dz
             _, nx, ny, nz = capsule(dx, dy, dz, ex, ey, ez, radius)
-            vx, vy, vz = answer(vx, vy, vz, nx, ny, nz, slow, bodies, at)
+            vx, vy, vz = response(vx, vy, vz, nx, ny, nz, slow, bodies, at)
             return px, py, pz, vx, vy, vz
         return push(px, py, pz, vx, vy, vz, capsule(dx, dy, dz, ex, ey, ez, radius), slow, bodies, at)
 
     @inline
-    def meet_box(before, px, py, pz, vx, vy, vz, slow, bodies, at, begin, end):
-        ax, ay, az, dx, dy, dz = way(before, px, py, pz, bodies, at, begin, end)
+    def push_from_box(before, px, py, pz, vx, vy, vz, slow, bodies, at, begin, end):
+        ax, ay, az, dx, dy, dz = relative_path(before, px, py, pz, bodies, at, begin, end)
         hx, hy, hz = bodies[at + B_U], bodies[at + B_V], bodies[at + B_W]
         depth, nx, ny, nz = box_face(ax, ay, az, dx, dy, dz, hx, hy, hz)
         if nx != zero or ny != zero or nz != zero:
             depth = depth + bodies[at + B_THICKNESS]
             px, py, pz = pushed(px, depth, nx), pushed(py, depth, ny), pushed(pz, depth, nz)
-            vx, vy, vz = answer(vx, vy, vz, nx, ny, nz, slow, bodies, at)
+            vx, vy, vz = response(vx, vy, vz, nx, ny, nz, slow, bodies, at)
             return px, py, pz, vx, vy, vz
         return push(px, py, pz, vx, vy, vz, box(dx, dy, dz, hx, hy, hz), slow, bodies, at)
 
-    return meet_capsule, meet_box
+    return push_from_capsule, push_from_box

@@ -26,9 +26,9 @@ from softlab.model.base.tuples import each_of, tuple_of
 from softlab.model.particles.constraints import ConstraintSet, Projection
 
 
-def places(found: ConstraintSet) -> np.ndarray:
+def places(constraint_set: ConstraintSet) -> np.ndarray:
     """Return (constraints,) int64: the number of the set's constraint at each place on the device."""
-    return np.concatenate([np.zeros(0, np.int64), *found.sweep])
+    return np.concatenate([np.zeros(0, np.int64), *constraint_set.sweep])
 
 
 def device_corners(projection: Projection, corners: np.ndarray, starts: np.ndarray) -> np.ndarray:
@@ -57,10 +57,11 @@ def make_projections(real: Any, math: str, projection: Projection) -> Any:
 
     def project(position, before, corners, values, multipliers, start, stop, size, fresh, record):
         parameters = record[0]
-        runs, mine, count = np.int32((stop - start) // run), np.int32(cuda.grid(1)), np.int32(size)  # type: ignore[call-arg]
-        if mine < runs:
-            constants, place = constants_of(parameters), np.int32(start + mine)
-            fetched = fetch(corners, values, np.int32(start // run + mine), place, count)
+        runs, thread, count = np.int32((stop - start) // run), np.int32(cuda.grid(1)), np.int32(size)
+        # type: ignore[call-arg]
+        if thread < runs:
+            constants, place = constants_of(parameters), np.int32(start + thread)
+            fetched = fetch(corners, values, np.int32(start // run + thread), place, count)
             take(position, before, corners, values, multipliers, fetched, place, runs, count, fresh, constants)
 
     return make_kernel(project, f"{projection.name}_{variant_name(real, math)}", **kernel_options(math))
@@ -94,9 +95,9 @@ def make_run(real: Any, math: str, projection: Projection) -> SimpleNamespace:
 
 
 def _make_apart(real: Any, math: str, projection: Projection) -> SimpleNamespace:
-    made, run, inline = make_one(real, math, projection), projection.run, inlined(math)
+    functions, run, inline = make_one(real, math, projection), projection.run, inlined(math)
     corners_of, values_of, quads_of, one, put_all = (
-        made.corners_of, made.values_of, made.quads_of, made.one, made.put_all
+        functions.corners_of, functions.values_of, functions.quads_of, functions.one, functions.put_all
     )  # fmt: skip
 
     @inline
@@ -105,19 +106,19 @@ def _make_apart(real: Any, math: str, projection: Projection) -> SimpleNamespace
 
     @inline
     def take(position, before, corners, values, multipliers, fetched, place, apart, count, fresh, constants):
-        ends, own = fetched
+        ends, constants_now = fetched
         if run == 1:
             quads = quads_of(position, ends, count, place)
-            moved = one(before, multipliers, ends, quads, own, count, place, fresh, constants)
+            moved = one(before, multipliers, ends, quads, constants_now, count, place, fresh, constants)
             put_all(position, ends, count, place, moved)
         else:
             for member in range(np.int32(run)):
-                here, these, those = place, ends, own
+                here, these, those = place, ends, constants_now
                 quads = quads_of(position, these, count, here)
                 if member + 1 < run:
                     place = np.int32(place + apart)
                 ends = corners_of(corners, count, place)  # the next one's data is loaded while this is projected
-                own = values_of(values, count, place)
+                constants_now = values_of(values, count, place)
                 moved = one(before, multipliers, these, quads, those, count, here, fresh, constants)
                 put_all(position, these, count, here, moved)
 
@@ -130,25 +131,25 @@ def _make_around(real: Any, math: str, projection: Projection) -> SimpleNamespac
     In turn a constraint has its own corner `a` and the corners `f`, `g`, `h` of the last one, whose fourth is `e`: they
     are at x, p, q, r and s.
     """
-    made, run, inline = make_one(real, math, projection), np.int32(projection.run), inlined(math)
-    values_of, one, last = made.values_of, made.one, np.int32(projection.run - 1)
+    functions, run, inline = make_one(real, math, projection), np.int32(projection.run), inlined(math)
+    values_of, one, last = functions.values_of, functions.one, np.int32(projection.run - 1)
 
     @inline
     def fetch(corners, values, number, place, count):
-        own = load_quad(corners, number)
-        return own, load_quad(corners, np.int32(count // run + number)), values_of(values, count, place)
+        ends = load_quad(corners, number)
+        return ends, load_quad(corners, np.int32(count // run + number)), values_of(values, count, place)
 
     @inline
     def take(position, before, corners, values, multipliers, fetched, place, apart, count, fresh, constants):
-        (a, b, c, d), (e, f, g, h), own = fetched
+        (a, b, c, d), (e, f, g, h), ends = fetched
         first, second, third, fourth = e, f, g, h
         x, p, q = load_quad(position, a), load_quad(position, f), load_quad(position, g)
         r, s = load_quad(position, h), load_quad(position, e)
         for member in range(run):
-            here, those = place, own
+            here, those = place, ends
             if member < last:
                 place = np.int32(place + apart)
-            own = values_of(values, count, place)  # the next one's data is loaded while this one is projected
+            ends = values_of(values, count, place)  # the next one's data is loaded while this one is projected
             coming = load_quad(position, b)
             x, p, q, r = one(before, multipliers, (a, f, g, h), (x, p, q, r), those, count, here, fresh, constants)
             store_quad(position, a, x[0], x[1], x[2], x[3])
@@ -202,12 +203,12 @@ def make_one(real: Any, math: str, projection: Projection) -> SimpleNamespace:
 
         return multiplier
 
-    def keep_at(n: int) -> Any:
+    def store_at(n: int) -> Any:
         @inline
-        def keep(multipliers, fresh, count, k, multiplier):
+        def store(multipliers, fresh, count, k, multiplier):
             multipliers[np.uint32(np.int32(n * count) + k)] = multiplier
 
-        return keep
+        return store
 
     corners_of, values_of = make_row(projection.corners, inline), make_row(projection.values, inline)
     quads_of, points_of, weights_of = (
@@ -218,7 +219,7 @@ def make_one(real: Any, math: str, projection: Projection) -> SimpleNamespace:
         tuple_of(projection.moved, moved_at, inline),
         each_of(projection.moved, put_at, inline),
     )
-    keep_all = each_of(projection.multipliers, keep_at, inline)
+    store_all = each_of(projection.multipliers, store_at, inline)
 
     @inline
     def one(before, multipliers, ends, quads, values, count, k, fresh, constants):
@@ -231,7 +232,7 @@ def make_one(real: Any, math: str, projection: Projection) -> SimpleNamespace:
             constants,
         )  # fmt: skip
         if is_soft:
-            keep_all(multipliers, fresh, count, k, total)
+            store_all(multipliers, fresh, count, k, total)
         return moved_of(moved, quads, count, k)
 
     return SimpleNamespace(corners_of=corners_of, values_of=values_of, quads_of=quads_of, one=one, put_all=put_all)

@@ -29,9 +29,9 @@ class Cooperative:
         """Compile the kernel, and query how many blocks fit, once its arguments exist."""
         self.blocks = 1
         if not simulated():
-            given = self._arguments(1)
-            prepare(self._kernel, given, 0, cooperative=True)
-            compiled = self._kernel.compile(tuple(self._kernel.typeof_pyval(argument) for argument in given))
+            arguments = self._arguments(1)
+            prepare(self._kernel, arguments, 0, cooperative=True)
+            compiled = self._kernel.compile(tuple(self._kernel.typeof_pyval(argument) for argument in arguments))
             self.blocks = min(self._most, compiled.max_cooperative_grid_blocks(self._threads))
 
     def advance(self, step: int, steps: int) -> None:

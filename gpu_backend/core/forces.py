@@ -16,19 +16,22 @@ from numba import cuda
 from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
-from softlab.model.core.own_forces import OWN_FORCES, make_add, make_own, own_forces
+from softlab.model.core.own_forces import PARTICLE_FORCES, make_add, make_particle_forces, particle_forces
 from softlab.model.core.plan import StageRun
 from softlab.model.tables.cloth import CONSTRAINT_KINDS
 
-OWN = frozenset({"gravity", "load", *(force.part for force in OWN_FORCES)})  # the parts that these functions depend on
+PARTICLE_FORCE_PARTS = frozenset(
+    {"gravity", "load", *(force.part for force in PARTICLE_FORCES)}
+)  # the parts that these functions depend on
 
 
 @cache
 def make_forces(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Make device functions: `add(a, weight, f)` of model/core/own_forces.py, `add_gravity(..., parameters)` and
-    `add_own(..., k, weight, parameters, integers, step)`, all own forces. The last two map (ax, ay, az, ...) to (ax,
+    `add_particle_force(..., k, weight, parameters, integers, step)`, all own forces. The last two map (ax, ay, az,
+    ...) to (ax,
     ay, az)."""
-    own, inline, has_gravity = make_own_force(real, math, 3, parts), inlined(math), "gravity" in parts
+    particle_force, inline, has_gravity = make_particle_force(real, math, 3, parts), inlined(math), "gravity" in parts
     add = make_add(inline, lambda make: device_formulas(make, real, math), 3, parts)
 
     @inline
@@ -38,16 +41,16 @@ def make_forces(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
         return ax, ay, az
 
     @inline
-    def add_own(ax, ay, az, k, weight, parameters, integers, step):
-        return own((ax, ay, az), k, weight, parameters, integers, step)
+    def add_particle_force(ax, ay, az, k, weight, parameters, integers, step):
+        return particle_force((ax, ay, az), k, weight, parameters, integers, step)
 
-    return SimpleNamespace(add=add, add_gravity=add_gravity, add_own=add_own)
+    return SimpleNamespace(add=add, add_gravity=add_gravity, add_particle_force=add_particle_force)
 
 
 @cache
-def make_own_force(real: Any, math: str, axes: int, parts: frozenset[str]) -> Any:
+def make_particle_force(real: Any, math: str, axes: int, parts: frozenset[str]) -> Any:
     """Make own(a, k, weight, parameters, integers, step) (model/core/own_forces.py)."""
-    return make_own(real, inlined(math), lambda make: device_formulas(make, real, math), axes, parts)
+    return make_particle_forces(real, inlined(math), lambda make: device_formulas(make, real, math), axes, parts)
 
 
 @cache
@@ -63,20 +66,23 @@ def make_force_stages(real: Any, math: str, parts: frozenset[str]) -> dict[str, 
             ax, ay, az = add_gravity(b[0], b[1], b[2], record[0])
             store_quad(a, k, ax, ay, az, zero)
 
-    def stage_of(own: Any) -> Any:
+    def stage_of(particle_force: Any) -> Any:
         def force(position, record, integers, step, a):
             k = np.int32(cuda.grid(1))  # type: ignore[call-arg]
             if k < a.size // SIZE:
                 b, p = load_quad(a, k), load_quad(position, k)
-                ax, ay, az = own((b[0], b[1], b[2]), k, p[3], record[0], integers, step)
+                ax, ay, az = particle_force((b[0], b[1], b[2]), k, p[3], record[0], integers, step)
                 store_quad(a, k, ax, ay, az, zero)
 
         return force
 
     load = parts & {"load"}
     stages = {"gravity": gravity}
-    stages |= {force.stage: stage_of(make_own_force(real, math, 3, load | {force.part})) for force in own_forces(parts)}
-    variant = variant_name(real, math, parts & OWN)
+    stages |= {
+        force.stage: stage_of(make_particle_force(real, math, 3, load | {force.part}))
+        for force in particle_forces(parts)
+    }
+    variant = variant_name(real, math, parts & PARTICLE_FORCE_PARTS)
     return {name: make_kernel(stage, f"forces_{variant}", **kernel_options(math)) for name, stage in stages.items()}
 
 
@@ -87,8 +93,8 @@ def bind_forces(sim: Any, parts: frozenset[str], position: Any, a: Any) -> dict[
     def bound(kernel: Any) -> StageRun:
         return lambda moment: kernel[sim._flat](position, sim.record, sim.integers, np.int64(moment.step), a)
 
-    made = make_force_stages(sim.real, sim.options.math, parts)
-    return {name: bound(kernel) for name, kernel in made.items()}
+    kernels = make_force_stages(sim.real, sim.options.math, parts)
+    return {name: bound(kernel) for name, kernel in kernels.items()}
 
 
 def forces_of(parts: frozenset[str]) -> frozenset[str]:

@@ -105,8 +105,8 @@ def _fast_instructions(real: Any, options: dict[str, Any]) -> dict[str, Callable
 
     @device
     def reciprocal(weight, stiffening, compliance):
-        found = one / (stiffening * weight + compliance)
-        return found if weight > zero else zero
+        inverse = one / (stiffening * weight + compliance)
+        return inverse if weight > zero else zero
 
     return {
         "squared_length": squared_length,
@@ -124,7 +124,7 @@ def _rewritten(make: FunctionType, real: Any, math: str, options: dict[str, Any]
     _refuse_attributes(make, namespace)
     for name, value in list(namespace.items()):
         if _is_factory(value) and value is not make:
-            namespace[name] = lambda *given, value=value: _rewritten(value, real, math, options)(*given)
+            namespace[name] = lambda *arguments, value=value: _rewritten(value, real, math, options)(*arguments)
     exec(_transformed(make, frozenset(instructions)), namespace)
     return namespace[make.__name__]
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from softlab.gpu_backend.core.compile import inlined
-from softlab.model.core.own_forces import EXTERNAL_SEED, own_changes
+from softlab.model.core.own_forces import EXTERNAL_SEED, particle_forces_change
 from softlab.model.scene.scene import Scene
 from softlab.model.tables.cloth import COLLIDER_KINDS
 
@@ -23,18 +23,18 @@ COLLIDERS = frozenset(COLLIDER_KINDS)
 
 def knows_time(parts: frozenset[str]) -> bool:
     """Return True if anything depends on the number of the step."""
-    return bool(own_changes(parts) or parts & {"gust", "motion", "emitter"} or parts & COLLIDERS)
+    return bool(particle_forces_change(parts) or parts & {"gust", "motion", "emitter"} or parts & COLLIDERS)
 
 
 def integers_of(scene: Scene) -> np.ndarray:
     """Return (INTEGERS,) uint64, with nothing poked."""
-    found = np.zeros(INTEGERS, np.uint64)
-    found[EXTERNAL_SEED] = scene.external.seed if scene.external else 0
-    found[WIND_SEED] = scene.wind.seed if scene.wind else 0
+    integers = np.zeros(INTEGERS, np.uint64)
+    integers[EXTERNAL_SEED] = scene.external.seed if scene.external else 0
+    integers[WIND_SEED] = scene.wind.seed if scene.wind else 0
     kinds = [kind for kind, _ in scene.colliders]
     for place, kind in COLLIDER_COUNTS:
-        found[place] = kinds.count(kind)
-    return found
+        integers[place] = kinds.count(kind)
+    return integers
 
 
 @cache

@@ -13,14 +13,14 @@ from softlab.gpu_backend.core.compile import inlined
 
 
 @cache
-def make_meet(math: str) -> Any:
-    """Make meet(flags, wanted): every thread of every block must call it; what was written before is read after it.
+def make_barrier(math: str) -> Any:
+    """Make barrier(flags, wanted): every thread of every block must call it; what was written before is read after it.
 
     `flags` (1,) int32, 0 before the launch; `wanted`: the number of blocks at first, then the last returned value.
     """
 
     @inlined(math)
-    def meet(flags, wanted):
+    def barrier(flags, wanted):
         cuda.syncthreads()
         if cuda.gridDim.x > 1:
             if cuda.threadIdx.x == 0:
@@ -32,4 +32,4 @@ def make_meet(math: str) -> Any:
             cuda.syncthreads()
         return np.int32(wanted + np.int32(cuda.gridDim.x))
 
-    return meet
+    return barrier

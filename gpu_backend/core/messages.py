@@ -166,8 +166,8 @@ else:
 
             @inline
             def receive(array, index, tag):
-                x, y, z, found = _receive_32(array, index)
-                return x, y, z, found == tag
+                x, y, z, received = _receive_32(array, index)
+                return x, y, z, received == tag
 
         else:
 

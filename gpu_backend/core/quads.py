@@ -107,8 +107,8 @@ def make_row(n: int, inline: Any) -> Any:
     def number_at(m: int) -> Any:
         quad, place = divmod(m, SIZE)
         if quad < quads:
-            return inline(lambda held, packed, count, k: held[quad][place])
-        return inline(lambda held, packed, count, k: packed[np.uint32(np.int32(m * count) + k)])
+            return inline(lambda quads, packed, count, k: quads[quad][place])
+        return inline(lambda quads, packed, count, k: packed[np.uint32(np.int32(m * count) + k)])
 
     numbers = tuple_of(n, number_at, inline)
     if not quads:

@@ -21,28 +21,28 @@ CHUNK = 32 if simulated() else 512  # numbers per block; the simulator runs each
 
 @cache
 def make_before(threads: int) -> Any:
-    """Make before(own): the sum over the block's threads before this one.
+    """Make before(value): the sum over the block's threads before this one.
 
     Every thread of a block of `threads`, a power of two, must call it.
     """
     two_copies, threads, zero = 2 * threads, np.int32(threads), np.int32(0)
 
     @cuda.jit(device=True)
-    def before(own):
+    def before(value):
         memory = cuda.shared.array(two_copies, np.int32)
         t = np.int32(cuda.threadIdx.x)
-        memory[t] = own
+        memory[t] = value
         cuda.syncthreads()
-        reach, side = np.int32(1), zero
-        while reach < threads:
+        offset, side = np.int32(1), zero
+        while offset < threads:
             total = memory[side + t]
-            if t >= reach:
-                total += memory[side + t - reach]
+            if t >= offset:
+                total += memory[side + t - offset]
             side = np.int32(threads - side)
             memory[side + t] = total
             cuda.syncthreads()
-            reach = np.int32(2 * reach)
-        return np.int32(memory[side + t] - own)
+            offset = np.int32(2 * offset)
+        return np.int32(memory[side + t] - value)
 
     return before
 
@@ -60,10 +60,10 @@ def make_strips(threads: int) -> Any:
     def strips(sums, size):
         strip = np.int32((size + threads - 1) // threads)
         first = np.int32(strip * cuda.threadIdx.x)
-        last, own = min(np.int32(first + strip), size), zero
+        last, total = min(np.int32(first + strip), size), zero
         for k in range(first, last):
-            own = np.int32(own + sums[k])
-        start = before(own)
+            total = np.int32(total + sums[k])
+        start = before(total)
         for k in range(first, last):
             number = sums[k]
             sums[k] = start
@@ -82,12 +82,12 @@ def make_scan() -> SimpleNamespace:
         """Write starts[k], the sum of the chunk's counts before k, and totals[b], that of a chunk. One block per
         chunk."""
         k = np.int32(cuda.grid(1))
-        own = counts[k] if k < counts.size else zero
-        start = before(own)
+        value = counts[k] if k < counts.size else zero
+        start = before(value)
         if k < counts.size:
             starts[k] = start
         if cuda.threadIdx.x == CHUNK - 1:
-            totals[cuda.blockIdx.x] = start + own
+            totals[cuda.blockIdx.x] = start + value
 
     def totals(sums):
         """Replace the total of each chunk by the sum of those before it: one block."""

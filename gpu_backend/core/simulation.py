@@ -36,8 +36,8 @@ class CudaSimulation(Simulation):
     backend = "gpu"
     position: list[Any]
     velocity: list[Any]
-    kept_position: Any
-    kept_velocity: Any
+    stored_position: Any
+    stored_velocity: Any
     parameters: Any
     integers: Any
     stream: Any
@@ -100,9 +100,9 @@ class CudaSimulation(Simulation):
         """Return a flat device array of zeros, written on the device."""
         if simulated():
             return self.on_device(np.zeros(count, dtype))
-        found: Any = cuda.device_array(count, dtype, stream=self.stream)
-        found.gpu_data.memset(0, stream=self.stream)
-        return found
+        array: Any = cuda.device_array(count, dtype, stream=self.stream)
+        array.gpu_data.memset(0, stream=self.stream)
+        return array
 
     @abstractmethod
     def new_array(self) -> Any:
@@ -115,7 +115,7 @@ class CudaSimulation(Simulation):
     def _allocate_state(self) -> None:
         """Allocate the common arrays of all solvers; `_integers` must be set."""
         self.position, self.velocity = [self.new_array(), self.new_array()], [self.new_array(), self.new_array()]
-        self.kept_position, self.kept_velocity = self.new_array(), self.new_array()
+        self.stored_position, self.stored_velocity = self.new_array(), self.new_array()
         self._current = 0
         self.record = self.on_device(self._record)
         self.integers = self.on_device(self._integers)
@@ -162,12 +162,12 @@ class CudaSimulation(Simulation):
         self._executor.run(self.step, steps)
 
     def _store_snapshot(self) -> None:
-        self.kept_position.copy_to_device(self.position[self._current], stream=self.stream)
-        self.kept_velocity.copy_to_device(self.velocity[self._current], stream=self.stream)
+        self.stored_position.copy_to_device(self.position[self._current], stream=self.stream)
+        self.stored_velocity.copy_to_device(self.velocity[self._current], stream=self.stream)
 
     def _restore(self) -> None:
-        self.position[self._current].copy_to_device(self.kept_position, stream=self.stream)
-        self.velocity[self._current].copy_to_device(self.kept_velocity, stream=self.stream)
+        self.position[self._current].copy_to_device(self.stored_position, stream=self.stream)
+        self.velocity[self._current].copy_to_device(self.stored_velocity, stream=self.stream)
 
     def _first_diverged(self) -> int:
         self._bad.copy_to_device(np.full(1, NOTHING_BAD, np.int32), stream=self.stream)

@@ -18,11 +18,11 @@ class GpuBodies(OnGpus, SharedBodies):
     """Subsets on the GPUs of this machine, `count` of them."""
 
     def __init__(self, scene: Scene, options: Options, count: int, steps: int | None = None):
-        found = division(scene, count, steps, "--gpus")
+        decomposition = division(scene, count, steps, "--gpus")
         require_gpu()
         self.devices = devices_for(count)
-        super().__init__(scene, options, found, range(count))
-        self._tell_of_turns()
+        super().__init__(scene, options, decomposition, range(count))
+        self._warn_of_turns()
 
     def _connect(self) -> Exchange:
         return NothingSent()

@@ -15,7 +15,7 @@ from numba import cuda
 from softlab.gpu_backend.core.device import require_gpu, simulated
 from softlab.model.base.errors import BackendUnavailable
 
-SHARE = "SOFTLAB_SHARE_GPU"  # set to 1: more windows than GPUs share the available ones
+OVERSUBSCRIBE = "SOFTLAB_SHARE_GPU"  # set to 1: more windows than GPUs share the available ones
 ALREADY_ENABLED = 704  # CUDA_ERROR_PEER_ACCESS_ALREADY_ENABLED
 
 
@@ -27,7 +27,7 @@ def gpu_count() -> int:
 
 def sharing() -> bool:
     """Return True if windows may share a GPU: to try a decomposition with fewer GPUs than windows."""
-    return simulated() or os.environ.get(SHARE, "0") not in ("0", "")
+    return simulated() or os.environ.get(OVERSUBSCRIBE, "0") not in ("0", "")
 
 
 def devices_for(count: int) -> list[int]:
@@ -39,7 +39,7 @@ def devices_for(count: int) -> list[int]:
     if count > here and not sharing():
         raise BackendUnavailable(
             f"{count} GPUs were asked for, and {here} {'is' if here == 1 else 'are'} here",
-            f"use --gpus {here}, or {SHARE}=1, with which windows take turns on one GPU, to try it",
+            f"use --gpus {here}, or {OVERSUBSCRIBE}=1, with which windows take turns on one GPU, to try it",
         )
     if min(count, here) > 1:
         _unload_once_at_exit()
@@ -74,8 +74,8 @@ def unload_once(modules: Iterable[Mapping[Any, Any]]) -> None:
 
 def at(device: int) -> AbstractContextManager[Any]:
     """Return the context in which work is queued on that GPU."""
-    found: AbstractContextManager[Any] = cuda.gpus[device]
-    return found
+    context: AbstractContextManager[Any] = cuda.gpus[device]
+    return context
 
 
 def new_event() -> Any:
@@ -95,7 +95,7 @@ def connect(devices: Sequence[int]) -> None:
                 _enable(here, there)
 
 
-def can_reach(here: int, there: int) -> bool:
+def can_access(here: int, there: int) -> bool:
     """Return True if GPU `here` can read and write the memory of GPU `there`."""
     with at(here):
         return bool(cuda.current_context().can_access_peer(there))
@@ -104,7 +104,7 @@ def can_reach(here: int, there: int) -> bool:
 def _enable(here: int, there: int) -> None:
     from numba.cuda.cudadrv.driver import CudaAPIError
 
-    if not can_reach(here, there):
+    if not can_access(here, there):
         raise BackendUnavailable(
             f"GPU {here} has no access to the memory of GPU {there}",
             "use --link nccl, which goes another way, or --gpus 1; softlab doctor shows how they are linked",

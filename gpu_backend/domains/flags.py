@@ -59,9 +59,9 @@ class FlagExchange(Exchange):
 
     def _on(self, place: int, array: np.ndarray) -> Any:
         with at(self.devices[place]):
-            found = cuda.to_device(array)
+            copy = cuda.to_device(array)
             cuda.synchronize()
-            return found
+            return copy
 
     def _load(self) -> None:
         """Compile and load every kernel on every GPU, by an exchange of no data: loading a kernel while another one
@@ -138,10 +138,10 @@ class FlagSimulation(GpuWindows):
     ):
         self._graphs_asked = graphs
         require_gpu()
-        found, devices = cut(scene, count, steps, "--gpus"), devices_for(count)
+        decomposition, devices = cut(scene, count, steps, "--gpus"), devices_for(count)
         connect(devices)
-        super().__init__(scene, options, found, range(count), devices)
-        self._tell_of_turns()
+        super().__init__(scene, options, decomposition, range(count), devices)
+        self._warn_of_turns()
 
     def _connect(self) -> Exchange:
         exchange = FlagExchange(self.windows, self.decomposition, self.devices)
@@ -160,15 +160,15 @@ class FlagSimulation(GpuWindows):
             return None
         above, below = place > 0, place < len(self.windows) - 1
         with self._at(place):
-            found: Bands | None = window._tiles.bands(touched * above, touched * below)
-            return found
+            bands: Bands | None = window._tiles.bands(touched * above, touched * below)
+            return bands
 
     def _graphs_of(self, place: int) -> Graphs:
         window, bands = self.windows[place], self._bands[place]
 
         def launch(parity: int, count: int) -> None:
             window._current = parity
-            kept, window._graphs = window._graphs, None  # so that its launches are captured one by one
+            graphs, window._graphs = window._graphs, None  # so that its launches are captured one by one
             try:
                 for _ in range(count):
                     window._run(self.decomposition.steps)
@@ -177,7 +177,7 @@ class FlagSimulation(GpuWindows):
                     for border in self.exchange.into[place]:
                         self.exchange.take(border, window.stream)
             finally:
-                window._graphs = kept
+                window._graphs = graphs
 
         def launch_bands(parity: int, count: int) -> None:
             assert bands is not None

@@ -59,14 +59,14 @@ class FluidWindow(Fluid):
         particle = self.particle[now].copy_to_host(stream=self.stream)
         self.synchronize()
         number = self._among(particle)
-        found = []
+        arrays = []
         for array in (self.position[now], self.velocity[now]):
             quads = array[: SIZE * max(1, len(number))].copy_to_host(stream=self.stream)  # arrays there cannot be empty
             self.synchronize()
-            found.append(quads.reshape(-1, SIZE)[: len(number), :axes].T)
-        return number, np.concatenate(found)
+            arrays.append(quads.reshape(-1, SIZE)[: len(number), :axes].T)
+        return number, np.concatenate(arrays)
 
-    def hold(self, number: np.ndarray, values: np.ndarray) -> None:
+    def pin(self, number: np.ndarray, values: np.ndarray) -> None:
         """Replace all active particles by these."""
         now, axes, count = self._current, self.scene.dimensions, len(number)
         fluid = self.scene.fluid_set.fluid[number]
@@ -84,9 +84,9 @@ class FluidWindow(Fluid):
 
     def multipliers_at(self, places: np.ndarray) -> np.ndarray:
         """Return the multipliers of the last substep [m^2], by place after it."""
-        found: np.ndarray = self.multipliers.copy_to_host(stream=self.stream)
+        multipliers: np.ndarray = self.multipliers.copy_to_host(stream=self.stream)
         self.synchronize()
-        return found[places]
+        return multipliers[places]
 
 
 class GpuFluid(OnGpus, SharedFluid):
@@ -97,7 +97,7 @@ class GpuFluid(OnGpus, SharedFluid):
         require_gpu()
         self.devices = devices_for(count)
         super().__init__(scene, options, slabs, range(count))
-        self._tell_of_turns()
+        self._warn_of_turns()
 
     def _open(self, place: int, scene: Scene, options: Options) -> Simulation:
         return FluidWindow(scene, options)

@@ -27,7 +27,7 @@ FLAG_STRIDE = 32  # int32 between two flags: a 128-byte line each
 THREADS = 512  # per block of push and take
 MOST_BLOCKS = 64  # maximum number: the bytes in flight fill the link, and few multiprocessors are occupied
 PATIENCE = 20_000_000_000  # ns that a block waits for a neighbour
-LOOKS = 255  # checks of a flag between two of the clock; all binary digits are ones
+CHECKS = 255  # checks of a flag between two of the clock; all binary digits are ones
 
 
 def unit_of(real: Any, dimensions: int, columns: int) -> Any:
@@ -84,10 +84,10 @@ def make_border_kernels(unit: Any) -> SimpleNamespace:
         flag = np.int32(cuda.threadIdx.x)
         if flag < count:
             begin = nanoseconds()
-            looks = np.int32(0)
+            checks = np.int32(0)
             while np.int32(read_system_flag(flags, np.int32(flag * FLAG_STRIDE)) - number) < 0:
-                looks = np.int32(looks + 1)
-                if (looks & LOOKS) == 0:
+                checks = np.int32(checks + 1)
+                if (checks & CHECKS) == 0:
                     if failed[0] != 0 or nanoseconds() - begin > PATIENCE:
                         failed[0] = 1
                         break

@@ -22,8 +22,8 @@ class Links:
         alike = len(set(self.nvlinks)) == 1
         links = f"{self.nvlinks[0]} NVLinks each" if alike else f"NVLinks: {', '.join(map(str, self.nvlinks))}"
         pairs = ", ".join(f"{one}-{other}" for one, other in self.apart)
-        reach = f"no access to each other's memory: {pairs}" if pairs else "each has access to the others' memory"
-        return f"{self.count} GPUs, {links}, {reach}"
+        access = f"no access to each other's memory: {pairs}" if pairs else "each has access to the others' memory"
+        return f"{self.count} GPUs, {links}, {access}"
 
 
 def find_links() -> Links:
@@ -33,7 +33,7 @@ def find_links() -> Links:
     with _started(pynvml):
         handles = [pynvml.nvmlDeviceGetHandleByIndex(k) for k in range(pynvml.nvmlDeviceGetCount())]
         pairs = [(one, other) for one in range(len(handles)) for other in range(one)]
-        apart = tuple((other, one) for one, other in pairs if not _reach(pynvml, handles[one], handles[other]))
+        apart = tuple((other, one) for one, other in pairs if not _has_access(pynvml, handles[one], handles[other]))
         return Links(len(handles), tuple(_active(pynvml, handle) for handle in handles), apart)
 
 
@@ -46,14 +46,14 @@ def _started(library: Any) -> Iterator[None]:
         library.nvmlShutdown()
 
 
-def _reach(library: Any, one: Any, other: Any) -> bool:
+def _has_access(library: Any, one: Any, other: Any) -> bool:
     """Return True if both read and write each other's memory. pynvml 13.615 has a tuple, by a comma too many, for one
     of these."""
     named = library.NVML_P2P_CAPS_INDEX_READ, library.NVML_P2P_CAPS_INDEX_WRITE
     kinds = [kind[0] if isinstance(kind, tuple) else kind for kind in named]
-    ways = ((one, other), (other, one))
-    found = [library.nvmlDeviceGetP2PStatus(*way, kind) for way in ways for kind in kinds]
-    return all(status == library.NVML_P2P_STATUS_OK for status in found)
+    directions = ((one, other), (other, one))
+    states = [library.nvmlDeviceGetP2PStatus(*direction, kind) for direction in directions for kind in kinds]
+    return all(status == library.NVML_P2P_STATUS_OK for status in states)
 
 
 def _active(library: Any, handle: Any) -> int:

@@ -47,7 +47,7 @@ def nccl() -> Any:
 
 
 class NcclExchange(Exchange):
-    """Exchange by NCCL (see Exchange). `windows`: of this process, window k is domain `mine[k]`, on GPU `devices[k]`.
+    """Exchange by NCCL (see Exchange). `windows`: of this process, window k is domain `places[k]`, on GPU `devices[k]`.
 
     `world`: MPI's processes, a window each; None: this one has all. All messages of an exchange are one group on the
     windows' streams, which order it with the steps before and after.
@@ -56,7 +56,7 @@ class NcclExchange(Exchange):
     def __init__(
         self,
         windows: Sequence[Any],
-        mine: Sequence[int],
+        places: Sequence[int],
         decomposition: Decomposition,
         devices: Sequence[int],
         world: Any,
@@ -67,13 +67,13 @@ class NcclExchange(Exchange):
         if world is None:
             self._groups = list(module.Communicator.init_all(list(devices)))
         else:
-            told = module.get_unique_id() if self.rank == 0 else None
-            self._groups = [module.Communicator.init(world.Get_size(), self.rank, world.bcast(told, root=0))]
+            unique_id = module.get_unique_id() if self.rank == 0 else None
+            self._groups = [module.Communicator.init(world.Get_size(), self.rank, world.bcast(unique_id, root=0))]
         from nccl.bindings import nccl as bindings
 
         self._bindings, self._bytes = bindings, int(module.UINT8)
         self._calls = []  # of each window: sent, received
-        for window, place, group in zip(windows, mine, self._groups, strict=True):
+        for window, place, group in zip(windows, places, self._groups, strict=True):
             out = [(b.from_row, b.rows, b.target) for b in decomposition.borders if b.source == place]
             into = [(b.to_row, b.rows, b.source) for b in decomposition.borders if b.target == place]
             self._calls.append((self._resolved(window, group, out), self._resolved(window, group, into)))
@@ -85,11 +85,11 @@ class NcclExchange(Exchange):
             StateUnits(window, self.decomposition.columns),
             (self._bindings.Comm(group.ptr), int(window.stream)),
         )
-        found: list[list[Call]] = [[], []]
+        resolved: list[list[Call]] = [[], []]
         for row, rows, neighbour in ends:
-            for calls, spans in zip(found, state.spans(row, rows), strict=True):
+            for calls, spans in zip(resolved, state.spans(row, rows), strict=True):
                 calls += [(address, size, self._bytes, neighbour, *how) for address, size in spans]
-        return found
+        return resolved
 
     @staticmethod
     def _event(device: int) -> Any:
@@ -153,12 +153,12 @@ class NcclSimulation(GpuWindows):
                     f"process {place} of this host has no GPU: {gpu_count()} are here",
                     "start as many on each as it has GPUs",
                 )
-            mine, devices = [self._world.Get_rank()], [place % gpu_count()]
+            places, devices = [self._world.Get_rank()], [place % gpu_count()]
         else:
-            self._world, mine, devices = None, list(range(count)), devices_for(count)
+            self._world, places, devices = None, list(range(count)), devices_for(count)
             if len(set(devices)) < count:
                 raise BackendUnavailable("NCCL takes a GPU for each window, and windows share one", "use --link flags")
-        super().__init__(scene, options, cut(scene, count, steps, "--gpus"), mine, devices)
+        super().__init__(scene, options, cut(scene, count, steps, "--gpus"), places, devices)
 
     def _connect(self) -> NcclExchange:
         with at(self.devices[0]):

@@ -35,16 +35,16 @@ class ParticlesExchange(Exchange):
     """Exchange by reads (see Exchange) between windows of meshes. `windows`: simulations, window k on GPU `devices[k]`,
     each of which reads its messages."""
 
-    def __init__(self, windows: Sequence[Any], found: Partitions, devices: Sequence[int]):
+    def __init__(self, windows: Sequence[Any], decomposition: Partitions, devices: Sequence[int]):
         self.windows, self.devices = windows, devices
-        self._into = [[one for one in found.messages if one.target == k] for k in range(len(windows))]
-        self._readers = [[one.target for one in found.messages if one.source == k] for k in range(len(windows))]
+        self._into = [[one for one in decomposition.messages if one.target == k] for k in range(len(windows))]
+        self._readers = [[one.target for one in decomposition.messages if one.source == k] for k in range(len(windows))]
         self._states = [StateUnits(window) for window in windows]
         self._kernels = make_border_kernels(self._states[0].unit)
         self._stepped = [self._event(k) for k in range(len(windows))]
         self._pulled = [self._event(k) for k in range(len(windows))]
         self._places: dict[tuple[int, int], tuple[Any, Any]] = {}
-        for message in found.messages:
+        for message in decomposition.messages:
             with at(devices[message.target]):
                 stream, row = windows[message.target].stream, self._states[message.target].row
                 self._places[message.source, message.target] = (
@@ -74,10 +74,10 @@ class ParticlesExchange(Exchange):
 
     def _pull(self, window: Any, message: Message) -> None:
         """Queue, on the window's stream, the read of the message."""
-        source, mine = self._states[message.source], self._states[message.target]
+        source, target = self._states[message.source], self._states[message.target]
         here, there = self._places[message.source, message.target]
         self._kernels.pull_some[window._over(len(here), THREADS)](
-            *source.now, here, *mine.now, there, np.int32(len(here))
+            *source.now, here, *target.now, there, np.int32(len(here))
         )
 
     def _record(self, events: Sequence[Any]) -> None:
@@ -101,13 +101,13 @@ class GpuPartitions(OnGpus, PartitionedBodies):
     """Partitions on the GPUs of this machine, `count` of them."""
 
     def __init__(self, scene: Scene, options: Options, count: int, steps: int | None = None):
-        found = partitions(scene, count, steps, "--gpus")
+        decomposition = partitions(scene, count, steps, "--gpus")
         require_gpu()
         kernel = launched_kernel(options.kernel, "a partition of tetrahedral bodies")
         self.devices = devices_for(count)
         connect(self.devices)
-        super().__init__(scene, replace(options, kernel=kernel), found, range(count))
-        self._tell_of_turns()
+        super().__init__(scene, replace(options, kernel=kernel), decomposition, range(count))
+        self._warn_of_turns()
 
     def _connect(self) -> Exchange:
         return ParticlesExchange(self.windows, self.partitions, self.devices)

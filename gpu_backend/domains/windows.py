@@ -31,7 +31,7 @@ class OnGpus(WindowedSimulation):
         window: CudaSimulation = named(family_of(scene).solvers["gpu"])(scene, options)
         return window
 
-    def _tell_of_turns(self) -> None:
+    def _warn_of_turns(self) -> None:
         """Record in `device` that windows share a GPU."""
         count, here = len(self.devices), len(set(self.devices))
         if here < count:
@@ -39,8 +39,10 @@ class OnGpus(WindowedSimulation):
 
 
 class GpuWindows(OnGpus, DecomposedSimulation):
-    """Windows of a sheet, the domain `mine[k]` on GPU `devices[k]` (model/domains/simulation.py)."""
+    """Windows of a sheet, the domain `places[k]` on GPU `devices[k]` (model/domains/simulation.py)."""
 
-    def __init__(self, scene: Scene, options: Options, cut: Decomposition, mine: Sequence[int], devices: Sequence[int]):
+    def __init__(
+        self, scene: Scene, options: Options, cut: Decomposition, places: Sequence[int], devices: Sequence[int]
+    ):
         self.devices = devices
-        super().__init__(scene, options, cut, mine)
+        super().__init__(scene, options, cut, places)

@@ -55,23 +55,23 @@ class FluidAmongSolids(Fluid):
         super()._allocate()
         real, samples, new = self.real, self.samples, self.on_device
         assert samples is not None
-        offsets, carried, shares = samples.carriers
+        offsets, carried, weights = samples.carriers
         self._kinds = new(kinds_of(self.scene, samples).astype(real))
         self._slots, self._shift = new(np.zeros(samples.count, np.int32)), new(np.zeros(3 * samples.count, real))
         self._points = new(samples.corners), new(samples.weights.astype(real))
-        self._carriers = new(samples.lightness.astype(real)), new(offsets), new(carried), new(shares.astype(real))
-        self._met = self.new_array()  # velocities before smoothing
+        self._carriers = new(samples.lightness.astype(real)), new(offsets), new(carried), new(weights.astype(real))
+        self._unsmoothed = self.new_array()  # velocities before smoothing
         self._over_samples = self._over(samples.count, COUNTED)
         self._over_solids = self._over(len(samples.lightness), COUNTED)
 
     @property
-    def _own(self) -> int:
+    def _fluid_count(self) -> int:
         """Number of the fluid's particles."""
         return len(self.body.position)
 
     @property
     def _fluid_of(self) -> np.ndarray:
-        sampled = np.full(self.particle_count - self._own, len(self.scene.fluid_set.parts), np.int32)
+        sampled = np.full(self.particle_count - self._fluid_count, len(self.scene.fluid_set.parts), np.int32)
         return np.append(self.scene.fluid_set.fluid, sampled)
 
     def _build(self) -> None:
@@ -88,20 +88,25 @@ class FluidAmongSolids(Fluid):
 
     def known(self, particle: Any) -> tuple[Any, ...]:
         """Return the arguments of kernels about particles, whose numbers are `particle`."""
-        return self.record, *self.lists, particle, np.int32(self._own), self._kinds
+        return self.record, *self.lists, particle, np.int32(self._fluid_count), self._kinds
 
     def sample(self, particles: Particles) -> None:
         """Write the predicted positions of samples."""
         self.places.take(fresh=True)
         points = *self._points, self.places.before, self.places.position
         self.sampling.sample[self._flat](
-            particles.number, np.int32(self._own), *points, particles.position, particles.before, particles.velocity
+            particles.number,
+            np.int32(self._fluid_count),
+            *points,
+            particles.position,
+            particles.before,
+            particles.velocity,
         )
         self.cells.bound(particles.position)
 
-    def meet(self, position: Any, particle: Any, world: tuple[Any, ...]) -> None:
+    def find_solids(self, position: Any, particle: Any, world: tuple[Any, ...]) -> None:
         """Store the slots of samples, and compute the factors of particles among them."""
-        self.sampling.gather[self._flat](particle, np.int32(self._own), self._slots)
+        self.sampling.gather[self._flat](particle, np.int32(self._fluid_count), self._slots)
         self.solving.factors[self._flat](position, *self.known(particle), *self.relaxed, self.fluids, *world)
 
     def follow_solids(self, position: Any) -> None:
@@ -115,8 +120,8 @@ class FluidAmongSolids(Fluid):
 
     def correct(self, position: Any, particle: Any, world: tuple[Any, ...], into: Any) -> None:
         """Correct the positions `position` and store them in `into`; store the shifts of samples."""
-        given = self.before, position, *self.known(particle), self.gradients, self.fluids, *world
-        self.solving.correct[self._flat](*given, self._shift, into)
+        arguments = self.before, position, *self.known(particle), self.gradients, self.fluids, *world
+        self.solving.correct[self._flat](*arguments, self._shift, into)
 
     def push(self) -> None:
         """Move the solids' particles by the shifts of their samples."""
@@ -134,13 +139,15 @@ class FluidAmongSolids(Fluid):
     def begin_substep(self, place: int, substep: int) -> None:
         """Launch the stages before the iterations (SubstepSimulation)."""
         time = self._counter, np.int64(place), np.int64(self.scene.method.substeps), np.int64(substep)
-        given = self.predict(self._current, time)
+        predicted = self.predict(self._current, time)
         self._current = now = 1 - self._current
-        self.sample(given)
-        self.cells.sort(self.record, given, Particles(self.sorted, self.before, self.meant, self.particle[now]))
+        self.sample(predicted)
+        self.cells.sort(
+            self.record, predicted, Particles(self.sorted, self.before, self.predicted_velocity, self.particle[now])
+        )
         self._moment, self._here, self._there = (self.bodies, self.integers, *time), self.sorted, self.corrected
         self.relaxing.find[self._flat](self._here, self.record, *self.near, self.cells.counts)
-        self.meet(self._here, self.particle[now], self._moment)
+        self.find_solids(self._here, self.particle[now], self._moment)
 
     def iterate(self, iteration: int) -> None:
         """Launch an iteration (SubstepSimulation)."""
@@ -154,36 +161,46 @@ class FluidAmongSolids(Fluid):
     def end_substep(self, place: int, substep: int) -> None:
         """Launch the stages after the iterations (SubstepSimulation)."""
         position, velocity = self.position[self._current], self.velocity[self._current]
-        arguments = self.before, self.meant, self._here, self.record, self.multipliers, self.fluids, *self._moment
+        arguments = (
+            self.before,
+            self.predicted_velocity,
+            self._here,
+            self.record,
+            self.multipliers,
+            self.fluids,
+            *self._moment,
+        )
         if not self.smoothing:
             self.settling.update[self._flat](*arguments, position, velocity)
             self.settling.limit[self._flat](position, velocity, self.constraints, self.record, self.fluids)
             return
-        self.settling.update[self._flat](*arguments, position, self._met)
-        self.smooth(position, self._met, velocity)
+        self.settling.update[self._flat](*arguments, position, self._unsmoothed)
+        self.smooth(position, self._unsmoothed, velocity)
 
     @property
     def _launches(self) -> int:
         """Number of launches of a step."""
         method, ends = self.scene.method, bool(self.plan.parts & SMOOTHING) + bool(self.plan.parts & SHAPES)
-        ways = 2 + self.places.launches * (method.iterations * 2 + 2)  # reading solids, and writing them back
-        return method.substeps * (6 + self.cells.launches + 4 * method.iterations + ways + ends)
+        coupling_launches = 2 + self.places.launches * (
+            method.iterations * 2 + 2
+        )  # reading solids, and writing them back
+        return method.substeps * (6 + self.cells.launches + 4 * method.iterations + coupling_launches + ends)
 
     # ------------------------------------------------------------------ the contract, of the fluid's own particles
 
     def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
-        more = np.zeros((self.particle_count - self._own, position.shape[1]), self.real)
+        more = np.zeros((self.particle_count - self._fluid_count, position.shape[1]), self.real)
         super()._upload(np.concatenate([position, more]), np.concatenate([velocity, more]))
 
     def _to_host(self, array: Any) -> np.ndarray:
-        return super()._to_host(array)[: self._own]
+        return super()._to_host(array)[: self._fluid_count]
 
     def _multipliers(self) -> np.ndarray:
-        return super()._multipliers()[: self._own]
+        return super()._multipliers()[: self._fluid_count]
 
     def _first_diverged(self) -> int:
         bad = super()._first_diverged()
-        return bad if bad < self._own else -1
+        return bad if bad < self._fluid_count else -1
 
     def _read_position(self, into: Any) -> Any:
         if into is not None and hasattr(into, "__cuda_array_interface__"):
@@ -191,7 +208,7 @@ class FluidAmongSolids(Fluid):
                 self._whole = cuda.device_array((self.particle_count, 3), np.float32, stream=self.stream)
             state = self.position[self._current], self.particle[self._current]
             self._tools.write_position[self._flat](*state, self._whole)
-            cuda.as_cuda_array(into).copy_to_device(self._whole[: self._own], stream=self.stream)
+            cuda.as_cuda_array(into).copy_to_device(self._whole[: self._fluid_count], stream=self.stream)
             self.synchronize()
             return into
         return super()._read_position(into)
@@ -199,22 +216,22 @@ class FluidAmongSolids(Fluid):
 
 def bind_solid_stages(sim: FluidAmongSolids) -> dict[str, StageRun]:
     """Return the function that runs each stage of the plan of `sim`."""
-    found = bind_fluid_stages(sim)
-    now, start, particle = found.now, sim.on_device(np.zeros(1, np.int64)), sim.particle[1]
+    bound = bind_fluid_stages(sim)
+    now, start, particle = bound.now, sim.on_device(np.zeros(1, np.int64)), sim.particle[1]
 
     def world(moment: Moment) -> tuple[Any, ...]:
         time = start, np.int64(moment.step), np.int64(moment.substeps), np.int64(moment.substep)
         return sim.bodies, sim.integers, *time
 
     def find(moment: Moment) -> None:
-        found.stages["find neighbours"](moment)
-        sim.meet(now["position"], particle, world(moment))
+        bound.stages["find neighbours"](moment)
+        sim.find_solids(now["position"], particle, world(moment))
 
     def correct(moment: Moment) -> None:
         sim.correct(now["position"], particle, world(moment), now["other"])
         now["position"], now["other"] = now["other"], now["position"]
 
-    return found.stages | {
+    return bound.stages | {
         "sample solids": lambda moment: sim.sample(now["given"]),
         "find neighbours": find,
         "follow solids": lambda moment: sim.follow_solids(now["position"]),

@@ -63,7 +63,7 @@ class Cells:
         self.boxes = self._new(np.zeros(BOX * self.blocks, real))
         self.reals, self.numbers = self._new(np.zeros(REALS, real)), self._new(np.zeros(NUMBERS, np.int32))
         self._keys, self._slots, self._filled, self.sorted_keys = (self._integers(particles) for _ in range(4))
-        self._flow, self.found = flow, self._integers(particles + (flow is not None))
+        self._flow, self.neighbour_counts = flow, self._integers(particles + (flow is not None))
         self._chunks = (most + CHUNK - 1) // CHUNK
         self._counts, self._starts, self.begins = (self._integers(most + extra) for extra in (0, 0, 1))
         self._totals = self._integers(self._chunks)
@@ -100,7 +100,7 @@ class Cells:
         kernels.fill[flat](*counted, self.begins, self._filled)
         kernels.arrange[flat](self._keys, self.begins, self._filled, *particles, *into, self.sorted_keys)
         if self._flow is not None:
-            self._flow.kernels.rest[1, 1, stream](self.numbers, into.number, self.found)
+            self._flow.kernels.rest[1, 1, stream](self.numbers, into.number, self.neighbour_counts)
 
     @property
     def lost(self) -> int:

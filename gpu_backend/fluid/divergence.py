@@ -30,9 +30,9 @@ from softlab.model.formulas.fluid import density, divergence
 
 @cache
 def make_approach(real: Any, math: str, parts: frozenset[str], repeats: frozenset[str]) -> Any:
-    """Make approach(k, p, own, position, vectors, near_by, wall, parameters).
+    """Make approach(k, p, vector, position, vectors, near_by, wall, parameters).
 
-    It returns what a vector of each particle (quads; `own`: that of particle k at p) contributes to C of particle k;
+    It returns what a vector of each particle (quads; `vector`: that of particle k at p) contributes to C of particle k;
     `wall`: numbers, the last three of its gradient.
     """
     g, f = device_formulas(divergence.make, real, math), device_formulas(density.make, real, math)
@@ -45,7 +45,7 @@ def make_approach(real: Any, math: str, parts: frozenset[str], repeats: frozense
     has_walls, zero = "walls" in parts, real(0)
 
     @inlined(math)
-    def approach(k, p, own, position, vectors, near_by, wall, parameters):
+    def approach(k, p, vector, position, vectors, near_by, wall, parameters):
         total, at = zero, np.int64(k)
         for _ in range(near_by.count):
             j = near_by.table[at]
@@ -53,9 +53,9 @@ def make_approach(real: Any, math: str, parts: frozenset[str], repeats: frozense
             e = load_quad(vectors, j)
             dx, dy, dz, r = pair(k, p, j, load_quad(position, j), parameters)
             s = slope(r, parameters.inverse_support, parameters.gradient_scale)
-            total = added(total, s, dx, dy, dz, own[0] - e[0], own[1] - e[1], own[2] - e[2])
+            total = added(total, s, dx, dy, dz, vector[0] - e[0], vector[1] - e[1], vector[2] - e[2])
         if has_walls:
-            total = of_wall(total, wall[1], wall[2], wall[3], own[0], own[1], own[2])
+            total = of_wall(total, wall[1], wall[2], wall[3], vector[0], vector[1], vector[2])
         return total
 
     return approach
@@ -65,8 +65,9 @@ def make_approach(real: Any, math: str, parts: frozenset[str], repeats: frozense
 def make_targets(real: Any, math: str, parts: frozenset[str], repeats: frozenset[str]) -> SimpleNamespace:
     """Compile `survey` and `foresee`.
 
-    `survey(position, velocity, record, table, found, constraints, gradients, targets, *world)`: constraints, gradients
-    of walls, and the targets of the first solve. `foresee(position, velocity, record, table, found, constraints,
+    `survey(position, velocity, record, table, neighbour_counts, constraints, gradients, targets,
+    *world)`: constraints, gradients
+    of walls, and the targets of the first solve. `foresee(position, velocity, record, table, neighbour_counts, constraints,
     gradients, targets)`: the targets of the second solve. `world`: bodies, integers, counter, place, substeps, substep.
     """
     g, f = device_formulas(divergence.make, real, math), device_formulas(density.make, real, math)
@@ -77,12 +78,12 @@ def make_targets(real: Any, math: str, parts: frozenset[str], repeats: frozenset
     axes, one = np.int32(WALL), np.int64(1)
 
     def survey(
-        position, velocity, record, table, found, constraints, gradients, targets, bodies, integers, counter, place,
-        substeps, substep,
+        position, velocity, record, table, neighbour_counts, constraints, gradients, targets, bodies, integers, counter,
+        place, substeps, substep,
     ):  # fmt: skip
-        k, particles = np.int32(cuda.grid(1)), np.int32(found.size)
+        k, particles = np.int32(cuda.grid(1)), np.int32(neighbour_counts.size)
         if k < particles:
-            parameters, p, near_by = record[0], load_quad(position, k), List(table, found[k], particles)
+            parameters, p, near_by = record[0], load_quad(position, k), List(table, neighbour_counts[k], particles)
             _, number = clock(counter, place, substeps, substep)
             wall, came = (zero, zero, zero, zero), zero
             if has_walls:
@@ -94,16 +95,16 @@ def make_targets(real: Any, math: str, parts: frozenset[str], repeats: frozenset
             total = sum_density(k, p, position, near_by, parameters)
             c = constraint(total, parameters.lattice_sum, parameters.density_scale, wall[0])
             constraints[k] = c
-            own = load_quad(velocity, k)
-            a = approach(k, p, own, position, velocity, near_by, wall, parameters)
+            vector = load_quad(velocity, k)
+            a = approach(k, p, vector, position, velocity, near_by, wall, parameters)
             targets[k] = compressed(c, a, parameters.dt, came)
 
-    def foresee(position, velocity, record, table, found, constraints, gradients, targets):
-        k, particles = np.int32(cuda.grid(1)), np.int32(found.size)
+    def foresee(position, velocity, record, table, neighbour_counts, constraints, gradients, targets):
+        k, particles = np.int32(cuda.grid(1)), np.int32(neighbour_counts.size)
         if k < particles:
-            parameters, p, near_by = record[0], load_quad(position, k), List(table, found[k], particles)
-            wall, own = wall_at(k, gradients), load_quad(velocity, k)
-            a = approach(k, p, own, position, velocity, near_by, wall, parameters)
+            parameters, p, near_by = record[0], load_quad(position, k), List(table, neighbour_counts[k], particles)
+            wall, vector = wall_at(k, gradients), load_quad(velocity, k)
+            a = approach(k, p, vector, position, velocity, near_by, wall, parameters)
             targets[k] = foreseen(constraints[k], a, parameters.dt)
 
     name = f"fluid_{variant_name(real, math, parts, repeats)}"
@@ -129,8 +130,9 @@ def make_wall_at(real: Any, math: str, parts: frozenset[str]) -> Any:
 def make_solve(real: Any, math: str, parts: frozenset[str], repeats: frozenset[str]) -> SimpleNamespace:
     """Compile `relax` and `push`.
 
-    `relax(position, shifts, record, table, found, gradients, targets, factors, aheads, iterates, turn, iterations)`:
-    the changes of multipliers, into the fourth numbers of positions. `push(position, shifts, record, table, found,
+    `relax(position, shifts, record, table, neighbour_counts, gradients, targets, factors, aheads, iterates, turn,
+    iterations)`:
+    the changes of multipliers, into the fourth numbers of positions. `push(position, shifts, record, table, neighbour_counts,
     gradients, before, fluids, turn)`: shifts. `before`: quads whose fourth number is the particle's fluid.
     """
     g, formulas = device_formulas(divergence.make, real, math), device_formulas(density.make, real, math)
@@ -143,24 +145,28 @@ def make_solve(real: Any, math: str, parts: frozenset[str], repeats: frozenset[s
     zero, last_number = real(0), np.int32(SIZE - 1)
 
     def relax(
-        position, shifts, record, table, found, gradients, targets, factors, aheads, iterates, turn, iterations
+        position, shifts, record, table, neighbour_counts, gradients, targets, factors, aheads, iterates, turn, iterations
     ):  # fmt: skip
-        k, particles = np.int32(cuda.grid(1)), np.int32(found.size)
+        k, particles = np.int32(cuda.grid(1)), np.int32(neighbour_counts.size)
         if k < particles:
             c, before, last = targets[k], zero, zero
             if turn > 0:
-                p, near_by = load_quad(position, k), List(table, found[k], particles)
-                before, last, own = aheads[k], iterates[k], load_quad(shifts, k)
-                c = c + approach(k, p, own, position, shifts, near_by, wall_at(k, gradients), record[0])
+                p, near_by = load_quad(position, k), List(table, neighbour_counts[k], particles)
+                before, last, vector = aheads[k], iterates[k], load_quad(shifts, k)
+                c = c + approach(k, p, vector, position, shifts, near_by, wall_at(k, gradients), record[0])
             now = pressed(before, factors[k], c)
             ahead = led(now, last, lead(turn, iterations))
             aheads[k], iterates[k] = ahead, now
             position[SIZE * np.int64(k) + last_number] = ahead - before  # not read by any thread of this launch
 
-    def push(position, shifts, record, table, found, gradients, before, fluids, turn):
-        k, particles = np.int32(cuda.grid(1)), np.int32(found.size)
+    def push(position, shifts, record, table, neighbour_counts, gradients, before, fluids, turn):
+        k, particles = np.int32(cuda.grid(1)), np.int32(neighbour_counts.size)
         if k < particles:
-            p, near_by, e = load_quad(position, k), List(table, found[k], particles), (zero, zero, zero, zero)
+            p, near_by, e = (
+                load_quad(position, k),
+                List(table, neighbour_counts[k], particles),
+                (zero, zero, zero, zero),
+            )
             x, y, z = sum_correction(k, p, position, near_by, wall_at(k, gradients), record[0])
             if turn > 0:
                 e = load_quad(shifts, k)

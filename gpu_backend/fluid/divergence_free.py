@@ -49,10 +49,10 @@ class DivergenceFree:
         sim.cells.bound(position)
         return Particles(position, position, sim.velocity[current], sim.particle[current])
 
-    def sort(self, given: Particles, particle: Any) -> None:
+    def sort(self, particles: Particles, particle: Any) -> None:
         """Sort into `sorted`, `before`, `meant` and `particle`."""
         sim = self.sim
-        sim.cells.sort(sim.record, given, Particles(sim.sorted, sim.before, sim.meant, particle))
+        sim.cells.sort(sim.record, particles, Particles(sim.sorted, sim.before, sim.predicted_velocity, particle))
 
     def search(self, world: tuple[Any, ...]) -> None:
         """Build neighbour lists and factors. `world`: bodies, integers, counter, place, substeps, substep."""
@@ -64,7 +64,14 @@ class DivergenceFree:
         """Compute the constraints, and the targets of the first solve."""
         sim = self.sim
         self.aims.survey[sim._flat](
-            sim.sorted, sim.meant, sim.record, *sim.lists, sim.constraints, sim.gradients, self.targets, *world
+            sim.sorted,
+            sim.predicted_velocity,
+            sim.record,
+            *sim.lists,
+            sim.constraints,
+            sim.gradients,
+            self.targets,
+            *world,
         )
 
     def relax(self, turn: int, second: bool) -> None:
@@ -86,18 +93,18 @@ class DivergenceFree:
     def take_up(self) -> None:
         """Update the velocities after the first solve."""
         sim = self.sim
-        self.motion.take_up[sim._flat](sim.before, sim.meant, self.shifts, sim.record, sim.fluids)
+        self.motion.take_up[sim._flat](sim.before, sim.predicted_velocity, self.shifts, sim.record, sim.fluids)
 
     def shape(self, scratch: tuple[Any, Any]) -> None:
         """Compute normals and vorticities, into `scratch`."""
         sim = self.sim
         assert self.smoothing is not None
-        self.smoothing.shape[sim._flat](sim.before, sim.meant, sim.record, *sim.lists, *scratch)
+        self.smoothing.shape[sim._flat](sim.before, sim.predicted_velocity, sim.record, *sim.lists, *scratch)
 
     def accelerate(self, scratch: tuple[Any, Any], particle: Any, time: tuple[Any, ...]) -> None:
         """Apply neighbours, drag and forces to the velocities, into `corrected`. `time`: counter, place, substeps,
         substep."""
-        sim, velocity = self.sim, self.sim.meant
+        sim, velocity = self.sim, self.sim.predicted_velocity
         if self.smoothing is not None:
             self.smoothing.smooth[sim._flat](
                 sim.before, velocity, sim.record, *sim.lists, sim.constraints, sim.fluids, *scratch, sim.corrected
@@ -156,7 +163,7 @@ class DivergenceFree:
     def stages(self) -> dict[str, StageRun]:
         """Return the function that runs each stage of the plan; the state stays in its buffer."""
         sim, start = self.sim, self.sim.on_device(np.zeros(1, np.int64))
-        scratch, given = (sim.position[1], sim.velocity[1]), dict[str, Particles]()
+        scratch, gathered = (sim.position[1], sim.velocity[1]), dict[str, Particles]()
 
         def time(moment: Moment) -> tuple[Any, ...]:
             return start, np.int64(moment.step), np.int64(moment.substeps), np.int64(moment.substep)
@@ -165,10 +172,10 @@ class DivergenceFree:
             return sim.bodies, sim.integers, *time(moment)
 
         def gather(moment: Moment) -> None:
-            given["now"] = self.gather(0)
+            gathered["now"] = self.gather(0)
 
         def sort(moment: Moment) -> None:
-            self.sort(given["now"], sim.particle[1])
+            self.sort(gathered["now"], sim.particle[1])
             sim.particle[0].copy_to_device(sim.particle[1], stream=sim.stream)
 
         return {

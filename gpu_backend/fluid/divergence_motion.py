@@ -12,7 +12,7 @@ from numba import cuda
 
 from softlab.gpu_backend.contact.colliders import make_collide
 from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernels, variant_name
-from softlab.gpu_backend.core.forces import make_own_force
+from softlab.gpu_backend.core.forces import make_particle_force
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.integers import COLLIDERS, make_clock
 from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
@@ -25,18 +25,22 @@ from softlab.model.formulas.fluid import divergence, motion
 
 
 @cache
-def _make_given(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """Make `given(v, e, most, parameters)`, a velocity after a solve, and `limited(vx, vy, vz, most)`."""
+def _make_corrected_velocity(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+    """Make `corrected_velocity(v, e, most, parameters)`, a velocity after a solve, and `limited(vx, vy, vz, most)`."""
     m, gained = device_formulas(motion.make, real, math), device_formulas(divergence.make, real, math).gained
-    speed_of, held_back, slowed, is_held = m.speed_of, m.limited_change, m.slowed, "held-back" in parts
+    speed_of, limited_change, slowed, is_limited = m.speed_of, m.limited_change, m.slowed, "held-back" in parts
 
     @inlined(math)
-    def given(v, e, most, parameters):
+    def corrected_velocity(v, e, most, parameters):
         rate = parameters.inverse_dt
         x, y, z = gained(v[0], e[0], rate), gained(v[1], e[1], rate), gained(v[2], e[2], rate)
-        if is_held:
+        if is_limited:
             far = speed_of(x - v[0], y - v[1], z - v[2])
-            return held_back(x, v[0], far, most), held_back(y, v[1], far, most), held_back(z, v[2], far, most)
+            return (
+                limited_change(x, v[0], far, most),
+                limited_change(y, v[1], far, most),
+                limited_change(z, v[2], far, most),
+            )
         return x, y, z
 
     @inlined(math)
@@ -44,7 +48,7 @@ def _make_given(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
         speed = speed_of(vx, vy, vz)
         return slowed(vx, speed, most), slowed(vy, speed, most), slowed(vz, speed, most)
 
-    return SimpleNamespace(given=given, limited=limited)
+    return SimpleNamespace(corrected_velocity=corrected_velocity, limited=limited)
 
 
 @cache
@@ -57,8 +61,17 @@ def make_free_motion(real: Any, math: str, parts: frozenset[str], repeats: froze
     new_position, new_velocity)`. `before`: positions and fluids of particles; `world`: bodies, integers, counter,
     place, substeps, substep.
     """
-    m, ends, row = device_formulas(motion.make, real, math), _make_given(real, math, parts), make_row(parts)
-    turned_round, drifted, given, limited = m.wrapped_offset, m.drifted, ends.given, ends.limited
+    m, ends, row = (
+        device_formulas(motion.make, real, math),
+        _make_corrected_velocity(real, math, parts),
+        make_row(parts),
+    )
+    wrapped_offset, drifted, corrected_velocity, limited = (
+        m.wrapped_offset,
+        m.drifted,
+        ends.corrected_velocity,
+        ends.limited,
+    )
     accelerated, settled = _make_accelerated(real, math, parts), make_settled(real, math, parts)
     collide, clock, zero = make_collide(real, math, parts), make_clock(math, parts), real(0)
     speed_of, one_more = m.speed_of, np.int64(1)
@@ -70,18 +83,20 @@ def make_free_motion(real: Any, math: str, parts: frozenset[str], repeats: froze
             parameters, p = record[0], load_quad(position, k)
             x, y, z = p[0], p[1], p[2]
             if along_x:
-                x = x + turned_round(x, parameters.low_x, parameters.high_x, parameters.side_x)
+                x = x + wrapped_offset(x, parameters.low_x, parameters.high_x, parameters.side_x)
             if along_y:
-                y = y + turned_round(y, parameters.low_y, parameters.high_y, parameters.side_y)
+                y = y + wrapped_offset(y, parameters.low_y, parameters.high_y, parameters.side_y)
             if along_z:
-                z = z + turned_round(z, parameters.low_z, parameters.high_z, parameters.side_z)
+                z = z + wrapped_offset(z, parameters.low_z, parameters.high_z, parameters.side_z)
             store_quad(into, k, x, y, z, p[3])
 
     def take_up(before, velocity, shifts, record, fluids):
         k = np.int32(cuda.grid(1))
         if k < before.size // SIZE:
             at = row(load_quad(before, k)[3])
-            vx, vy, vz = given(load_quad(velocity, k), load_quad(shifts, k), fluids[at + F_CHANGE], record[0])
+            vx, vy, vz = corrected_velocity(
+                load_quad(velocity, k), load_quad(shifts, k), fluids[at + F_CHANGE], record[0]
+            )
             store_quad(velocity, k, vx, vy, vz, zero)
 
     def accelerate(
@@ -107,7 +122,7 @@ def make_free_motion(real: Any, math: str, parts: frozenset[str], repeats: froze
             parameters, b = record[0], load_quad(before, k)
             at, h = row(b[3]), parameters.dt
             u = load_quad(velocity, k)
-            vx, vy, vz = given(u, load_quad(shifts, k), fluids[at + F_CHANGE], parameters)
+            vx, vy, vz = corrected_velocity(u, load_quad(shifts, k), fluids[at + F_CHANGE], parameters)
             vx, vy, vz = limited(vx, vy, vz, fluids[at + F_SPEED])
             x, y, z = drifted(b[0], vx, h), drifted(b[1], vy, h), drifted(b[2], vz, h)
             _, number = clock(counter, place, substeps, substep)
@@ -133,7 +148,11 @@ def _make_accelerated(real: Any, math: str, parts: frozenset[str]) -> Any:
     """
     m, axes = device_formulas(motion.make, real, math), 2 if "flat" in parts else 3
     accelerate, buoyant, braked = m.accelerated, m.buoyant, m.braked
-    own, has_gravity, is_dragged = make_own_force(real, math, axes, parts), "gravity" in parts, "drag" in parts
+    particle_force, has_gravity, is_dragged = (
+        make_particle_force(real, math, axes, parts),
+        "gravity" in parts,
+        "drag" in parts,
+    )
     solid, zero, one = axes == 3, real(0), real(1)
 
     @inlined(math)
@@ -146,9 +165,9 @@ def _make_accelerated(real: Any, math: str, parts: frozenset[str]) -> Any:
         if has_gravity:
             ay = buoyant(parameters.gravity, fluids[at + F_BUOYANCY])
         if solid:
-            ax, ay, az = own((zero, ay, zero), particle[k], one, parameters, integers, step)
+            ax, ay, az = particle_force((zero, ay, zero), particle[k], one, parameters, integers, step)
         else:
-            ax, ay = own((zero, ay), particle[k], one, parameters, integers, step)
+            ax, ay = particle_force((zero, ay), particle[k], one, parameters, integers, step)
             az = zero
         return accelerate(vx, h, ax), accelerate(vy, h, ay), accelerate(vz, h, az)
 

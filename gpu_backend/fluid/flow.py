@@ -22,7 +22,7 @@ class Flow:
         self._simulation, self._stream, new = simulation, simulation.stream, simulation.on_device
         variant = real, simulation.options.math, simulation.plan.parts
         self.kernels, self._emits = make_flow_kernels(*variant), "emitter" in simulation.plan.parts
-        self.there, self.kept_there = new(np.zeros(count, np.int32)), new(np.zeros(count, np.int32))
+        self.there, self.stored_there = new(np.zeros(count, np.int32)), new(np.zeros(count, np.int32))
         emitters = max(1, len(scene.emitters))
         self._emitters = new(np.zeros(1, real))
         if self._emits:
@@ -66,13 +66,13 @@ class Flow:
         """Upload which particles are active, (particles,) bool."""
         self.there.copy_to_device(there.astype(np.int32), stream=self._stream)
 
-    def keep(self) -> None:
+    def store(self) -> None:
         """Save which particles are active."""
-        self.kept_there.copy_to_device(self.there, stream=self._stream)
+        self.stored_there.copy_to_device(self.there, stream=self._stream)
 
     def restore(self) -> None:
         """Restore which particles are active."""
-        self.there.copy_to_device(self.kept_there, stream=self._stream)
+        self.there.copy_to_device(self.stored_there, stream=self._stream)
 
     @property
     def missed(self) -> int:

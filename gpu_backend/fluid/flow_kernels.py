@@ -21,7 +21,7 @@ from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.integers import make_clock
 from softlab.gpu_backend.core.quads import load_quad, store_quad
 from softlab.gpu_backend.core.scan import make_before, make_strips
-from softlab.gpu_backend.fluid.sort_kernels import DEPTH, HEIGHT, INVERSE, KEPT, LOW, WIDTH
+from softlab.gpu_backend.fluid.sort_kernels import ACTIVE_CELLS, DEPTH, HEIGHT, INVERSE, LOW, WIDTH
 from softlab.model.fluid.flow import (
     E_BEFORE,
     E_COUNT,
@@ -95,14 +95,14 @@ def _make_due(real: Any, math: str, parts: frozenset[str]) -> tuple[Any, ...]:
         thread per number, and one more."""
         if due_now[due_now.size - fields + D_NEEDED] > zero:
             n = np.int32(cuda.grid(1))
-            own = zero
+            due = zero
             if n < there.size and there[n] == zero:
-                own = one
-            start = before(own)
+                due = one
+            start = before(due)
             if n < ranks.size:
                 ranks[n] = start
             if cuda.threadIdx.x == threads - one:
-                sums[cuda.blockIdx.x] = np.int32(start + own)
+                sums[cuda.blockIdx.x] = np.int32(start + due)
 
     def totals(due_now, sums):
         """Replace the sum of each block by the sum of all blocks before it: one block."""
@@ -125,8 +125,10 @@ def _make_emission(real: Any, math: str) -> tuple[Any, ...]:
     @inlined("exact")
     def coming(e, emitters, due_now, starts, ranks, sums):
         """Return the number of particles that leave nozzle e: at most the inactive ones of its fluid."""
-        own = np.int32(emitters[e * row_size + E_FLUID])
-        waiting = np.int32(waiting_before(starts[own + one], ranks, sums) - waiting_before(starts[own], ranks, sums))
+        fluid_index = np.int32(emitters[e * row_size + E_FLUID])
+        waiting = np.int32(
+            waiting_before(starts[fluid_index + one], ranks, sums) - waiting_before(starts[fluid_index], ranks, sums)
+        )
         left = np.int32(waiting - due_now[e * fields + D_BEFORE])
         return min(max(left, zero), due_now[e * fields + D_NEEDED])
 
@@ -150,12 +152,12 @@ def _make_emission(real: Any, math: str) -> tuple[Any, ...]:
         if due_now[count * fields + D_NEEDED] > zero and n < there.size and there[n] == zero:
             slot, alive = zero, particle[there.size]
             for e in range(count):
-                own, come = (
+                fluid_index, come = (
                     np.int32(emitters[e * row_size + E_FLUID]),
                     coming(e, emitters, due_now, starts, ranks, sums),
                 )
-                if starts[own] <= n and n < starts[own + one]:
-                    item = np.int32(waiting_before(n, ranks, sums) - waiting_before(starts[own], ranks, sums))
+                if starts[fluid_index] <= n and n < starts[fluid_index + one]:
+                    item = np.int32(waiting_before(n, ranks, sums) - waiting_before(starts[fluid_index], ranks, sums))
                     item = np.int32(item - due_now[e * fields + D_BEFORE])
                     if zero <= item and item < come:
                         there[n] = one
@@ -210,10 +212,13 @@ def _make_sinks(real: Any) -> tuple[Any, ...]:
                     key = np.int32((z * numbers[HEIGHT] + y) * numbers[WIDTH] + x)
                     keys[k], slots[k] = key, cuda.atomic.add(counts, key, one)
 
-    def rest(numbers, sorted_number, found):
+    def rest(numbers, sorted_number, neighbour_counts):
         """Store the number of remaining particles where kernels read it."""
         if cuda.grid(1) == 0:
-            sorted_number[sorted_number.size - 1], found[found.size - 1] = numbers[KEPT], numbers[KEPT]
+            sorted_number[sorted_number.size - 1], neighbour_counts[neighbour_counts.size - 1] = (
+                numbers[ACTIVE_CELLS],
+                numbers[ACTIVE_CELLS],
+            )
 
     return take, rest
 

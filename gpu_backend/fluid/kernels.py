@@ -106,13 +106,13 @@ def _make_nothing_added() -> Any:
 
 
 @cache
-def make_meet_walls(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """Make meet_walls(k, p, gradients, world, number) -> (density, gx, gy, gz), the contribution of walls at p, the
+def make_wall_terms(real: Any, math: str, parts: frozenset[str]) -> Any:
+    """Make wall_terms(k, p, gradients, world, number) -> (density, gx, gy, gz), the contribution of walls at p, the
     position of particle k; their gradient is stored."""
     walls, has_walls, numbers_each, zero = make_walls(real, math, parts), "walls" in parts, np.int32(WALL), real(0)
 
     @inlined(math)
-    def meet_walls(k, p, gradients, world, number):
+    def wall_terms(k, p, gradients, world, number):
         """Return the contribution of walls at p, and store its gradient."""
         wall = zero, zero, zero, zero
         if has_walls:
@@ -121,7 +121,7 @@ def make_meet_walls(real: Any, math: str, parts: frozenset[str]) -> Any:
             gradients[at], gradients[at + 1], gradients[at + 2] = wall[1], wall[2], wall[3]
         return wall
 
-    return meet_walls
+    return wall_terms
 
 
 @cache
@@ -148,33 +148,35 @@ def _make_searching(
     variant, axes, extent = (real, math, parts), 2 if "flat" in parts else 3, make_extent(parts)
     sums, relax = make_sums(*variant, repeats), make_relax(*variant)
     factor_of, weights_of, zero = sums.factor_of, sums.weights_of, real(0)
-    meet_walls, clock = make_meet_walls(*variant), make_clock(math, parts)
+    wall_terms, clock = make_wall_terms(*variant), make_clock(math, parts)
     shape = real, math, axes, neighbours, repeats
     search = make_search(*shape, _make_nothing_added(), zero, "solids" in parts)
     search_and_sum = make_search(*shape, sums.both_added, (zero, zero, zero, zero, zero), "solids" in parts)
 
-    def find(position, record, keys, numbers, begins, table, found, beyond):
+    def find(position, record, keys, numbers, begins, table, neighbour_counts, beyond):
         k = np.int32(cuda.grid(1))
-        particles, there = extent(found)
+        particles, there = extent(neighbour_counts)
         if k < there:
             p = load_quad(position, k)
-            found[k], _ = search(k, p, position, record[0], keys[k], numbers, begins, table, particles, beyond, None)
+            neighbour_counts[k], _ = search(
+                k, p, position, record[0], keys[k], numbers, begins, table, particles, beyond, None
+            )
 
     def prepare(
-        position, record, keys, numbers, begins, table, found, beyond, factors, multipliers, constraints, gradients, fluids,
-        bodies, integers, counter, place, substeps, substep, into,
+        position, record, keys, numbers, begins, table, neighbour_counts, beyond, factors, multipliers, constraints,
+        gradients, fluids, bodies, integers, counter, place, substeps, substep, into,
     ):  # fmt: skip
         k = np.int32(cuda.grid(1))
-        particles, there = extent(found)
+        particles, there = extent(neighbour_counts)
         if k < there:
             parameters, p = record[0], load_quad(position, k)
-            count, (gx, gy, gz, own, total) = search_and_sum(
+            count, (gx, gy, gz, squares, total) = search_and_sum(
                 k, p, position, parameters, keys[k], numbers, begins, table, particles, beyond, weights_of(fluids)
             )
-            found[k] = count
+            neighbour_counts[k] = count
             _, number = clock(counter, place, substeps, substep)
-            wall = meet_walls(k, p, gradients, World(parameters, bodies, integers), number)
-            factor = factor_of(p, (gx, gy, gz, own), wall, fluids, parameters)
+            wall = wall_terms(k, p, gradients, World(parameters, bodies, integers), number)
+            factor = factor_of(p, (gx, gy, gz, squares), wall, fluids, parameters)
             factors[k] = factor
             delta = relax(k, total, wall[0], factor, multipliers, constraints, parameters, True)
             store_quad(into, k, p[0], p[1], p[2], delta)
@@ -186,44 +188,45 @@ def _make_walking(real: Any, math: str, parts: frozenset[str], repeats: frozense
     """Compile `factors`, `density` and `correct`."""
     variant, extent, zero = (real, math, parts), make_extent(parts), real(0)
     sums, clock = make_sums(*variant, repeats), make_clock(math, parts)
-    relax, move, meet_walls = make_relax(*variant), make_move(*variant, repeats), make_meet_walls(*variant)
+    relax, move, wall_terms = make_relax(*variant), make_move(*variant, repeats), make_wall_terms(*variant)
     sum_factor, sum_density = sums.sum_factor, sums.sum_density
 
     def factors(
-        position, record, table, found, factors_, multipliers, constraints, gradients, fluids, bodies, integers, counter,
-        place, substeps, substep,
+        position, record, table, neighbour_counts, factors_, multipliers, constraints, gradients, fluids, bodies,
+        integers, counter, place, substeps, substep,
     ):  # fmt: skip
         k = np.int32(cuda.grid(1))
-        particles, there = extent(found)
+        particles, there = extent(neighbour_counts)
         if k < there:
             parameters, p = record[0], load_quad(position, k)
             _, number = clock(counter, place, substeps, substep)
-            wall = meet_walls(k, p, gradients, World(parameters, bodies, integers), number)
-            near_by = List(table, found[k], particles)
+            wall = wall_terms(k, p, gradients, World(parameters, bodies, integers), number)
+            near_by = List(table, neighbour_counts[k], particles)
             factors_[k] = sum_factor(k, p, position, near_by, wall, fluids, parameters)
             multipliers[k] = zero
 
     def density(
-        position, record, table, found, factors, multipliers, constraints, gradients, bodies, integers, counter, place,
-        substeps, substep,
+        position, record, table, neighbour_counts, factors, multipliers, constraints, gradients, bodies, integers,
+        counter, place, substeps, substep,
     ):  # fmt: skip
         k = np.int32(cuda.grid(1))
-        particles, there = extent(found)
+        particles, there = extent(neighbour_counts)
         if k < there:
             parameters, p = record[0], load_quad(position, k)
             _, number = clock(counter, place, substeps, substep)
-            wall = meet_walls(k, p, gradients, World(parameters, bodies, integers), number)
-            total = sum_density(k, p, position, List(table, found[k], particles), parameters)
+            wall = wall_terms(k, p, gradients, World(parameters, bodies, integers), number)
+            total = sum_density(k, p, position, List(table, neighbour_counts[k], particles), parameters)
             delta = relax(k, total, wall[0], factors[k], multipliers, constraints, parameters, False)
             position[SIZE * np.int64(k) + 3] = delta  # not read by any thread of this launch
 
     def correct(
-        before, position, record, table, found, gradients, fluids, bodies, integers, counter, place, substeps, substep, into,
+        before, position, record, table, neighbour_counts, gradients, fluids, bodies, integers, counter, place,
+        substeps, substep, into,
     ):  # fmt: skip
         k = np.int32(cuda.grid(1))
-        particles, there = extent(found)
+        particles, there = extent(neighbour_counts)
         if k < there:
-            p, b, near_by = load_quad(position, k), load_quad(before, k), List(table, found[k], particles)
+            p, b, near_by = load_quad(position, k), load_quad(before, k), List(table, neighbour_counts[k], particles)
             _, number = clock(counter, place, substeps, substep)
             world = World(record[0], bodies, integers)
             x, y, z = move(k, p, b, position, near_by, gradients, fluids, world, number)

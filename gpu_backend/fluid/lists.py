@@ -59,13 +59,13 @@ def _make_scales_of() -> Any:
 
 
 @cache
-def make_ways(real: Any, math: str, repeats: frozenset[str]) -> Any:
-    """Make way(p, q, parameters) -> (dx, dy, dz): vector from q to p (quads) [m], the shortest along periodic axes."""
+def make_offset(real: Any, math: str, repeats: frozenset[str]) -> Any:
+    """Make offset(p, q, parameters) -> (dx, dy, dz): vector from q to p (quads) [m], the shortest along periodic axes."""
     wrapped, inline = device_formulas(density.make, real, math).wrapped, inlined(math)
     along_x, along_y, along_z = "x" in repeats, "y" in repeats, "z" in repeats
 
     @inline
-    def way(p, q, parameters):
+    def offset(p, q, parameters):
         dx, dy, dz = p[0] - q[0], p[1] - q[1], p[2] - q[2]
         if along_x:
             dx = wrapped(dx, parameters.side_x, parameters.half_x)
@@ -75,7 +75,7 @@ def make_ways(real: Any, math: str, repeats: frozenset[str]) -> Any:
             dz = wrapped(dz, parameters.side_z, parameters.half_z)
         return dx, dy, dz
 
-    return way
+    return offset
 
 
 @cache
@@ -84,14 +84,14 @@ def _make_steps() -> SimpleNamespace:
     inline = inlined("exact")
 
     @inline
-    def beside(place, way, count, wraps):
-        """Return the index `way` (-1, 0, 1) cells on, or -1 if there is none."""
-        found = np.int32(place + way)
-        if found < 0:
+    def beside(place, direction, count, wraps):
+        """Return the index `direction` (-1, 0, 1) cells on, or -1 if there is none."""
+        neighbour = np.int32(place + direction)
+        if neighbour < 0:
             return np.int32(count - 1) if wraps else np.int32(-1)
-        if found >= count:
+        if neighbour >= count:
             return np.int32(0) if wraps else np.int32(-1)
-        return found
+        return neighbour
 
     @inline
     def first_piece(place, count, wraps):
@@ -113,26 +113,26 @@ def _make_steps() -> SimpleNamespace:
 
 
 @cache
-def _make_look(real: Any, math: str, repeats: frozenset[str], solids: bool) -> Any:
-    """Make look(k, p, e, end, position, parameters) -> (bits, first).
+def _make_bits_within(real: Any, math: str, repeats: frozenset[str], solids: bool) -> Any:
+    """Make bits_within(k, p, e, end, position, parameters) -> (bits, first).
 
     The bits mark which particles from e to before `end`, WORD at most, are neighbours of particle k at p, one bit each
     from particle `first` on. With `solids`, two samples of solids are no neighbours.
     """
-    formulas, way = device_formulas(density.make, real, math), make_ways(real, math, repeats)
+    formulas, offset = device_formulas(density.make, real, math), make_offset(real, math, repeats)
     squared, within, inline = formulas.squared, formulas.within, inlined(math)
     word, all_bits, together = np.int32(WORD), np.uint32(0xFFFFFFFF), np.int32(TOGETHER)
     none, one, two, four, eight = (np.uint32(bit) for bit in (0, 1, 2, 4, 8))
 
     @inline
     def bit_of(p, q, bit, parameters):
-        dx, dy, dz = way(p, q, parameters)
+        dx, dy, dz = offset(p, q, parameters)
         if solids and p[3] == parameters.sampled and q[3] == parameters.sampled:
             return none
         return bit if within(squared(dx, dy, dz), parameters.support) else none
 
     @inline
-    def look(k, p, e, end, position, parameters):
+    def bits_within(k, p, e, end, position, parameters):
         # the last TOGETHER before `end` are loaded unshifted, so that loads are at fixed offsets from each other
         last = np.int32(max(end - together, 0))
         first, bits = np.int32(min(e, last)), none
@@ -141,11 +141,11 @@ def _make_look(real: Any, math: str, repeats: frozenset[str], solids: bool) -> A
             g = min(begin, last)
             q, r = load_quad(position, g), load_quad(position, np.int32(g + 1))
             s, t = load_quad(position, np.int32(g + 2)), load_quad(position, np.int32(g + 3))
-            found = np.uint32(
+            bits_here = np.uint32(
                 bit_of(p, q, one, parameters) | bit_of(p, r, two, parameters) | bit_of(p, s, four, parameters)
                 | bit_of(p, t, eight, parameters)
             )  # fmt: skip
-            bits = np.uint32(bits | found << np.uint32(g - first))
+            bits = np.uint32(bits | bits_here << np.uint32(g - first))
             begin = np.int32(begin + together)
         # bits before e or behind the run, if it is shorter than TOGETHER, belong to another run
         bits = np.uint32(bits & (all_bits << np.uint32(e - first)))
@@ -154,7 +154,7 @@ def _make_look(real: Any, math: str, repeats: frozenset[str], solids: bool) -> A
             bits = np.uint32(bits & ~(one << np.uint32(k - first)))
         return bits, first
 
-    return look
+    return bits_within
 
 
 @cache
@@ -174,11 +174,11 @@ def make_search(
     are counted in `lost`. `begun`: initial sums; visit(sums, k, p, j, position, fluids, parameters) returns the sums
     with neighbour j. In exact math the lists equal the CPU's. For blocks of LANES threads at most.
     """
-    whole, look, scales_of = _make_steps(), _make_look(real, math, repeats, solids), _make_scales_of()
+    whole, bits_within, scales_of = _make_steps(), _make_bits_within(real, math, repeats, solids), _make_scales_of()
     beside, first_piece, second_piece = whole.beside, whole.first_piece, whole.second_piece
     most, one, rows, solid, goes_round = np.int32(neighbours), np.int32(1), 3 ** (axes - 1), axes == 3, "x" in repeats
     pieces = np.int32(rows * (2 if goes_round else 1))
-    slots, lanes, room, word = np.int32(SLOTS), np.int32(LANES), SLOTS * LANES, np.int32(WORD)
+    slots, lanes, capacity, word = np.int32(SLOTS), np.int32(LANES), SLOTS * LANES, np.int32(WORD)
 
     @inlined("exact")
     def run(piece, x, y, z, numbers, begins):
@@ -198,34 +198,34 @@ def make_search(
 
     @inlined("exact")
     def search(k, p, position, parameters, key, numbers, begins, table, particles, lost, fluids):
-        words = cuda.shared.array(room, np.uint32)  # a line each: the simulator identifies arrays by it
-        firsts = cuda.shared.array(room, np.int32)
-        own, line = np.uint32(cuda.threadIdx.x), np.int32(key // numbers[WIDTH])
+        words = cuda.shared.array(capacity, np.uint32)  # a line each: the simulator identifies arrays by it
+        firsts = cuda.shared.array(capacity, np.int32)
+        lane, line = np.uint32(cuda.threadIdx.x), np.int32(key // numbers[WIDTH])
         x, z = np.int32(key - line * numbers[WIDTH]), np.int32(line // numbers[HEIGHT])
         y = np.int32(line - z * numbers[HEIGHT])
         count, at, sums, scales = np.int32(0), np.uint64(k), begun, scales_of(parameters)
         piece, e, end = np.int32(0), np.int32(0), np.int32(0)
         while piece < pieces or e < end:
-            kept, place = np.int32(0), own
-            while kept < slots and (piece < pieces or e < end):
+            stored, place = np.int32(0), lane
+            while stored < slots and (piece < pieces or e < end):
                 if e >= end:
                     e, end = run(piece, x, y, z, numbers, begins)
                     piece = np.int32(piece + one)
                 if e < end:
                     stop = min(np.int32(e + word), end)
-                    bits, first = look(k, p, e, stop, position, scales)
+                    bits, first = bits_within(k, p, e, stop, position, scales)
                     e = stop
                     if bits != 0:
                         words[place], firsts[place] = bits, first
-                        kept, place = np.int32(kept + one), np.uint32(place + np.uint32(lanes))
-            place, bits, first = own, np.uint32(0), np.int32(0)
-            while kept > 0:
+                        stored, place = np.int32(stored + one), np.uint32(place + np.uint32(lanes))
+            place, bits, first = lane, np.uint32(0), np.int32(0)
+            while stored > 0:
                 if bits == 0:
                     bits, first = words[place], firsts[place]
                 j = np.int32(first + cuda.ffs(bits) - one)
                 bits = np.uint32(bits & (bits - np.uint32(1)))
                 if bits == 0:
-                    kept, place = np.int32(kept - one), np.uint32(place + np.uint32(lanes))
+                    stored, place = np.int32(stored - one), np.uint32(place + np.uint32(lanes))
                 if count < most:
                     table[at] = j
                     at = np.uint64(at + np.uint64(particles))

@@ -45,9 +45,9 @@ def _make_shape(real: Any, math: str, parts: frozenset[str], repeats: frozenset[
     has_solids = "solids" in parts
 
     @inline
-    def add_shape(sums_so_far, p, q, v, w, way, s):
+    def add_shape(sums_so_far, p, q, v, w, offset, s):
         nx, ny, nz, cx, cy, cz = sums_so_far
-        dx, dy, dz, _ = way
+        dx, dy, dz, _ = offset
         if has_tension:
             nx, ny, nz = gradient_added(nx, s, dx), gradient_added(ny, s, dy), gradient_added(nz, s, dz)
         if has_curl:
@@ -56,21 +56,21 @@ def _make_shape(real: Any, math: str, parts: frozenset[str], repeats: frozenset[
             cz = curl_added(cz, s, dx, dy, v[0], v[1], w[0], w[1])
         return nx, ny, nz, cx, cy, cz
 
-    def shape(position, velocity, record, table, found, normals, curls):
+    def shape(position, velocity, record, table, neighbour_counts, normals, curls):
         k = np.int32(cuda.grid(1))
-        particles, there = extent(found)
+        particles, there = extent(neighbour_counts)
         if k < there:
             parameters, p, v, at = record[0], load_quad(position, k), load_quad(velocity, k), np.int64(k)
             totals = zero, zero, zero, zero, zero, zero
-            for _ in range(found[k]):
+            for _ in range(neighbour_counts[k]):
                 j = table[at]
                 at += particles
                 q, w = load_quad(position, j), load_quad(velocity, j)
                 if has_solids and q[3] == parameters.sampled:
                     continue
-                way = pair(k, p, j, q, parameters)
-                s = slope(way[3], parameters.inverse_support, parameters.gradient_scale)
-                totals = add_shape(totals, p, q, v, w, way, s)
+                offset = pair(k, p, j, q, parameters)
+                s = slope(offset[3], parameters.inverse_support, parameters.gradient_scale)
+                totals = add_shape(totals, p, q, v, w, offset, s)
             nx, ny, nz, cx, cy, cz = totals
             store_quad(normals, k, nx, ny, nz, zero)
             store_quad(curls, k, cx, cy, cz, speed_of(cx, cy, cz))
@@ -83,34 +83,34 @@ def _make_pair_terms(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
     """Make `add_forces` and `add_smooth`: the contribution of one neighbour."""
     formulas, inline = device_formulas(motion.make, real, math), inlined(math)
     near = device_formulas(density.make, real, math).near
-    smooth_share, smooth_added = formulas.smoothing_weight, formulas.smooth_added
+    smoothing_weight, smooth_added = formulas.smoothing_weight, formulas.smooth_added
     pull, pull_added, tension_added = formulas.pull, formulas.pull_added, formulas.tension_added
     has_cohesion, has_tension = "cohesion" in parts, "surface-tension" in parts
 
     @inline
-    def add_forces(f, way, near_row, own_row, n, m, fluids, parameters):
+    def add_forces(f, offset, near_row, here_row, n, m, fluids, parameters):
         """Add cohesion and surface tension: `n`, `m`: normals of this particle and of its neighbour."""
         fx, fy, fz = f
-        dx, dy, dz, r = way
+        dx, dy, dz, r = offset
         if has_cohesion:
-            a = pull(r, parameters.inverse_support, fluids[own_row + F_COHESION], fluids[near_row + F_COHESION])
+            a = pull(r, parameters.inverse_support, fluids[here_row + F_COHESION], fluids[near_row + F_COHESION])
             fx, fy, fz = pull_added(fx, a, dx), pull_added(fy, a, dy), pull_added(fz, a, dz)
         if has_tension:
-            one, other = fluids[own_row + F_TENSION], fluids[near_row + F_TENSION]
+            one, other = fluids[here_row + F_TENSION], fluids[near_row + F_TENSION]
             fx = tension_added(fx, one, other, n[0], m[0])
             fy, fz = tension_added(fy, one, other, n[1], m[1]), tension_added(fz, one, other, n[2], m[2])
         return fx, fy, fz
 
     @inline
-    def add_smooth(m, v, w, r, near_row, own_row, fluids, parameters):
+    def add_smooth(m, v, w, r, near_row, here_row, fluids, parameters):
         """Add XSPH viscosity: v, w: velocities of this particle and of its neighbour."""
-        share = smooth_share(
-            near(r, parameters.inverse_support), fluids[own_row + F_VISCOSITY], fluids[near_row + F_VISCOSITY],
-            fluids[own_row + F_WEIGHT], fluids[near_row + F_WEIGHT],
+        weight = smoothing_weight(
+            near(r, parameters.inverse_support), fluids[here_row + F_VISCOSITY], fluids[near_row + F_VISCOSITY],
+            fluids[here_row + F_WEIGHT], fluids[near_row + F_WEIGHT],
         )  # fmt: skip
         return (
-            smooth_added(m[0], share, v[0], w[0]), smooth_added(m[1], share, v[1], w[1]),
-            smooth_added(m[2], share, v[2], w[2]),
+            smooth_added(m[0], weight, v[0], w[0]), smooth_added(m[1], weight, v[1], w[1]),
+            smooth_added(m[2], weight, v[2], w[2]),
         )  # fmt: skip
 
     return SimpleNamespace(add_forces=add_forces, add_smooth=add_smooth)
@@ -130,48 +130,49 @@ def _make_smooth(real: Any, math: str, parts: frozenset[str], repeats: frozenset
     has_viscosity, has_tension, has_curl = (part in parts for part in ("viscosity", "surface-tension", "vorticity"))
     has_solids = "solids" in parts
 
-    def smooth(position, velocity, record, table, found, constraints, fluids, normals, curls, into):
+    def smooth(position, velocity, record, table, neighbour_counts, constraints, fluids, normals, curls, into):
         k = np.int32(cuda.grid(1))
-        particles, there = extent(found)
+        particles, there = extent(neighbour_counts)
         if k < there:
             parameters, p, v, at = record[0], load_quad(position, k), load_quad(velocity, k), np.int64(k)
-            m, f, rise, own_row = (zero, zero, zero), (zero, zero, zero), (zero, zero, zero), row(p[3])
+            m, f, rise, here_row = (zero, zero, zero), (zero, zero, zero), (zero, zero, zero), row(p[3])
             normal, curl = (zero, zero, zero, zero), (zero, zero, zero, zero)
             if has_tension:
                 normal = load_quad(normals, k)
             if has_curl:
                 curl = load_quad(curls, k)
-            for _ in range(found[k]):
+            for _ in range(neighbour_counts[k]):
                 j = table[at]
                 at += particles
                 q = load_quad(position, j)
                 if has_solids and q[3] == parameters.sampled:
                     continue
-                way, near_row, other = pair(k, p, j, q, parameters), row(q[3]), (zero, zero, zero, zero)
+                offset, near_row, other = pair(k, p, j, q, parameters), row(q[3]), (zero, zero, zero, zero)
                 if has_viscosity:
-                    m = add_smooth(m, v, load_quad(velocity, j), way[3], near_row, own_row, fluids, parameters)
+                    m = add_smooth(m, v, load_quad(velocity, j), offset[3], near_row, here_row, fluids, parameters)
                 if has_tension:
                     other = load_quad(normals, j)
-                f = add_forces(f, way, near_row, own_row, normal, other, fluids, parameters)
+                f = add_forces(f, offset, near_row, here_row, normal, other, fluids, parameters)
                 if has_curl:
-                    s = slope(way[3], parameters.inverse_support, parameters.gradient_scale)
+                    s = slope(offset[3], parameters.inverse_support, parameters.gradient_scale)
                     length = load_quad(curls, j)[3]
                     rise = (
-                        rise_added(rise[0], s, way[0], curl[3], length), rise_added(rise[1], s, way[1], curl[3], length),
-                        rise_added(rise[2], s, way[2], curl[3], length),
+                        rise_added(rise[0], s, offset[0], curl[3], length),
+                        rise_added(rise[1], s, offset[1], curl[3], length),
+                        rise_added(rise[2], s, offset[2], curl[3], length),
                     )  # fmt: skip
-            weight = fluids[own_row + F_WEIGHT]
+            weight = fluids[here_row + F_WEIGHT]
             vx, vy, vz = (
                 smoothed(v[0], m[0], weight, f[0]), smoothed(v[1], m[1], weight, f[1]), smoothed(v[2], m[2], weight, f[2]),
             )  # fmt: skip
             if has_curl:
-                strength, steep = fluids[own_row + F_CONFINEMENT], speed_of(rise[0], rise[1], rise[2])
+                strength, steep = fluids[here_row + F_CONFINEMENT], speed_of(rise[0], rise[1], rise[2])
                 vx = confined(vx, strength, steep, rise[1], rise[2], curl[1], curl[2])
                 vy = confined(vy, strength, steep, rise[2], rise[0], curl[2], curl[0])
                 vz = confined(vz, strength, steep, rise[0], rise[1], curl[0], curl[1])
             if ends_there:
                 c = constraints[k] if is_dragged else zero
-                vx, vy, vz = limited(vx, vy, vz, c, fluids, own_row, parameters)
+                vx, vy, vz = limited(vx, vy, vz, c, fluids, here_row, parameters)
             store_quad(into, k, vx, vy, vz, zero)
 
     return make_kernel(smooth, f"fluid_{variant_name(real, math, parts, repeats)}", **kernel_options(math))

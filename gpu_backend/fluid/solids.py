@@ -19,7 +19,7 @@ from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.integers import make_clock
 from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
 from softlab.gpu_backend.core.world import World
-from softlab.gpu_backend.fluid.kernels import WALL, make_meet_walls, make_relax
+from softlab.gpu_backend.fluid.kernels import WALL, make_relax, make_wall_terms
 from softlab.gpu_backend.fluid.sums import List, make_row
 from softlab.model.fluid.among_solids import K_GRIP, K_LIGHTNESS, K_VOLUME
 from softlab.model.fluid.parameters import F_VISCOSITY, F_WEIGHT
@@ -31,49 +31,50 @@ from softlab.model.formulas.fluid import density, solids
 def make_sampling(real: Any, math: str) -> SimpleNamespace:
     """Compile `sample`, `gather`, `follow` and `push`.
 
-    `sample(number, fluids, corners, shares, began, solid, predicted, before, meant)`; `gather(number, fluids, slots)`;
-    `follow(slots, corners, shares, solid, position)`; `push(lightness, offsets, samples, shares, shift, solid)`.
+    `sample(number, fluids, corners, weights, began, solid, predicted, before, predicted_velocity)`; `gather(number,
+    fluids, slots)`;
+    `follow(slots, corners, weights, solid, position)`; `push(lightness, offsets, samples, weights, shift, solid)`.
     """
     formulas, inline = device_formulas(solids.make, real, math), inlined(math)
     middle, carried_on, moved = formulas.middle, formulas.carried_on, device_formulas(density.make, real, math).moved
     zero, corners_each, axes = real(0), np.int32(CORNERS), np.int32(3)
 
     @inline
-    def point(s, corners, shares, quads):
+    def point(s, corners, weights, quads):
         at = np.int32(s * corners_each)
         p, q, r = load_quad(quads, corners[at]), load_quad(quads, corners[at + 1]), load_quad(quads, corners[at + 2])
-        a, b, c = shares[at], shares[at + 1], shares[at + 2]
+        a, b, c = weights[at], weights[at + 1], weights[at + 2]
         return middle(p[0], q[0], r[0], a, b, c), middle(p[1], q[1], r[1], a, b, c), middle(p[2], q[2], r[2], a, b, c)
 
-    def sample(number, fluids, corners, shares, began, solid, predicted, before, meant):
+    def sample(number, fluids, corners, weights, began, solid, predicted, before, predicted_velocity):
         k = np.int32(cuda.grid(1))
         if k < number.size and number[k] >= fluids:
             s, old = np.int32(number[k] - fluids), load_quad(predicted, k)
-            x, y, z = point(s, corners, shares, solid)
+            x, y, z = point(s, corners, weights, solid)
             store_quad(predicted, k, x, y, z, old[3])
-            x, y, z = point(s, corners, shares, began)
+            x, y, z = point(s, corners, weights, began)
             store_quad(before, k, x, y, z, old[3])
-            store_quad(meant, k, zero, zero, zero, zero)
+            store_quad(predicted_velocity, k, zero, zero, zero, zero)
 
     def gather(number, fluids, slots):
         k = np.int32(cuda.grid(1))
         if k < number.size and number[k] >= fluids:
             slots[number[k] - fluids] = k
 
-    def follow(slots, corners, shares, solid, position):
+    def follow(slots, corners, weights, solid, position):
         s = np.int32(cuda.grid(1))
         if s < slots.size:
-            x, y, z = point(s, corners, shares, solid)
+            x, y, z = point(s, corners, weights, solid)
             store_quad(position, slots[s], x, y, z, load_quad(position, slots[s])[3])
 
-    def push(lightness, offsets, samples, shares, shift, solid):
+    def push(lightness, offsets, samples, weights, shift, solid):
         k = np.int32(cuda.grid(1))
         if k < lightness.size:
             x, y, z = zero, zero, zero
             for e in range(offsets[k], offsets[k + 1]):
-                at, share = np.int32(samples[e] * axes), shares[e]
-                x, y = carried_on(x, share, shift[at]), carried_on(y, share, shift[at + 1])
-                z = carried_on(z, share, shift[at + 2])
+                at, weight = np.int32(samples[e] * axes), weights[e]
+                x, y = carried_on(x, weight, shift[at]), carried_on(y, weight, shift[at + 1])
+                z = carried_on(z, weight, shift[at + 2])
             p, light = load_quad(solid, k), lightness[k]
             store_quad(solid, k, moved(p[0], light, x), moved(p[1], light, y), moved(p[2], light, z), p[3])
 
@@ -88,7 +89,7 @@ def _make_solid_sums(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
     f, s_ = device_formulas(density.make, real, math), device_formulas(solids.make, real, math)
     squared, apart, near, closeness, slope = f.squared, f.apart, f.near, f.closeness, f.slope
     inline = inlined(math)
-    gradient_added, own_added, crowded, correction_added = (
+    gradient_added, squares_added, crowded, correction_added = (
         f.gradient_added,
         f.squares_added,
         f.crowded,
@@ -107,7 +108,7 @@ def _make_solid_sums(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
 
     @inline
     def sum_factor(k, p, position, near_by, number, kinds, parameters):
-        gx, gy, gz, own, at = zero, zero, zero, zero, np.int64(k)
+        gx, gy, gz, squares, at = zero, zero, zero, zero, np.int64(k)
         for _ in range(near_by.count):
             j = near_by.table[at]
             at += near_by.particles
@@ -116,8 +117,8 @@ def _make_solid_sums(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
             volume, light = kinds[volume_row * number.size + n], kinds[light_row * number.size + n]
             s = counted_slope(volume, bare)
             gx, gy, gz = gradient_added(gx, s, dx), gradient_added(gy, s, dy), gradient_added(gz, s, dz)
-            own = own_added(own, carried(light, volume), bare, r)
-        return gx, gy, gz, own
+            squares = squares_added(squares, carried(light, volume), bare, r)
+        return gx, gy, gz, squares
 
     @inline
     def sum_density(k, p, position, near_by, number, kinds, parameters):
@@ -132,8 +133,8 @@ def _make_solid_sums(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
 
     @inline
     def sum_correction(k, p, position, near_by, number, kinds, parameters):
-        x, y, z, at, own = zero, zero, zero, np.int64(k), np.int32(number[k])
-        volume, grip = kinds[volume_row * number.size + own], kinds[grip_row * number.size + own]
+        x, y, z, at, particle = zero, zero, zero, np.int64(k), np.int32(number[k])
+        volume, grip = kinds[volume_row * number.size + particle], kinds[grip_row * number.size + particle]
         for _ in range(near_by.count):
             j = near_by.table[at]
             at += near_by.particles
@@ -151,9 +152,9 @@ def _make_solid_sums(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
 
     @inline
     def sum_friction(k, p, b, position, before, near_by, number, kinds, fluids, parameters, x, y, z):
-        at, own = np.int64(k), np.int32(number[k])
-        grip, light = kinds[grip_row * number.size + own], kinds[light_row * number.size + own]
-        mine, wx, wy, wz = fluids[row(b[3]) + viscosity], p[0] - b[0], p[1] - b[1], p[2] - b[2]
+        at, particle = np.int64(k), np.int32(number[k])
+        grip, light = kinds[grip_row * number.size + particle], kinds[light_row * number.size + particle]
+        viscosity_here, wx, wy, wz = fluids[row(b[3]) + viscosity], p[0] - b[0], p[1] - b[1], p[2] - b[2]
         for _ in range(near_by.count):
             j = near_by.table[at]
             at += near_by.particles
@@ -163,9 +164,9 @@ def _make_solid_sums(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
                 q, c = load_quad(position, j), load_quad(before, j)
                 t = near(squared(p[0] - q[0], p[1] - q[1], p[2] - q[2]), parameters.inverse_support)
                 its_light = kinds[light_row * number.size + n]
-                share = rub(t, mine, fluids[row(c[3]) + viscosity], light, its_light, grip, its_grip)
-                x, y = rub_added(x, share, wx, q[0] - c[0]), rub_added(y, share, wy, q[1] - c[1])
-                z = rub_added(z, share, wz, q[2] - c[2])
+                friction = rub(t, viscosity_here, fluids[row(c[3]) + viscosity], light, its_light, grip, its_grip)
+                x, y = rub_added(x, friction, wx, q[0] - c[0]), rub_added(y, friction, wy, q[1] - c[1])
+                z = rub_added(z, friction, wz, q[2] - c[2])
         return x, y, z
 
     return SimpleNamespace(
@@ -190,41 +191,43 @@ def make_solid_kernels(real: Any, math: str, parts: frozenset[str]) -> SimpleNam
 def _make_solid_densities(real: Any, math: str, parts: frozenset[str]) -> tuple[Any, Any]:
     variant = real, math, parts
     factor_of, sums = device_formulas(density.make, real, math).factor, _make_solid_sums(*variant)
-    relax, row, meet_walls = make_relax(*variant), make_row(parts), make_meet_walls(*variant)
+    relax, row, wall_terms = make_relax(*variant), make_row(parts), make_wall_terms(*variant)
     sum_factor, sum_density, clock = sums.sum_factor, sums.sum_density, make_clock(math, parts)
     keeps, zero, weight_field = "drag" in parts, real(0), np.int32(F_WEIGHT)
 
     def factors(
-        position, record, table, found, number, fluids, kinds, factors_, multipliers, constraints, gradients, rows, bodies,
-        integers, counter, place, substeps, substep,
+        position, record, table, neighbour_counts, number, fluids, kinds, factors_, multipliers, constraints, gradients,
+        rows, bodies, integers, counter, place, substeps, substep,
     ):  # fmt: skip
-        k, particles = np.int32(cuda.grid(1)), np.int32(found.size)
+        k, particles = np.int32(cuda.grid(1)), np.int32(neighbour_counts.size)
         if k < particles:
             factors_[k], multipliers[k] = zero, zero
             if number[k] < fluids:
                 parameters, p = record[0], load_quad(position, k)
                 _, moment = clock(counter, place, substeps, substep)
-                wall = meet_walls(k, p, gradients, World(parameters, bodies, integers), moment)
-                gx, gy, gz, own = sum_factor(
-                    k, p, position, List(table, found[k], particles), number, kinds, parameters
+                wall = wall_terms(k, p, gradients, World(parameters, bodies, integers), moment)
+                gx, gy, gz, squares = sum_factor(
+                    k, p, position, List(table, neighbour_counts[k], particles), number, kinds, parameters
                 )
                 weight = rows[row(p[3]) + weight_field]
                 factors_[k] = factor_of(
-                    parameters.relaxation, weight, gx, gy, gz, own, wall[1], wall[2], wall[3], parameters.softness
+                    parameters.relaxation, weight, gx, gy, gz, squares, wall[1], wall[2], wall[3], parameters.softness
                 )
 
     def density_(
-        position, record, table, found, number, fluids, kinds, factors, multipliers, constraints, gradients, bodies,
-        integers, counter, place, substeps, substep,
+        position, record, table, neighbour_counts, number, fluids, kinds, factors, multipliers, constraints, gradients,
+        bodies, integers, counter, place, substeps, substep,
     ):  # fmt: skip
-        k, particles = np.int32(cuda.grid(1)), np.int32(found.size)
+        k, particles = np.int32(cuda.grid(1)), np.int32(neighbour_counts.size)
         if k < particles:
             delta = zero
             if number[k] < fluids:
                 parameters, p = record[0], load_quad(position, k)
                 _, moment = clock(counter, place, substeps, substep)
-                wall = meet_walls(k, p, gradients, World(parameters, bodies, integers), moment)
-                total = sum_density(k, p, position, List(table, found[k], particles), number, kinds, parameters)
+                wall = wall_terms(k, p, gradients, World(parameters, bodies, integers), moment)
+                total = sum_density(
+                    k, p, position, List(table, neighbour_counts[k], particles), number, kinds, parameters
+                )
                 delta = relax(k, total, wall[0], factors[k], multipliers, constraints, parameters, False)
             elif keeps:
                 constraints[k] = zero
@@ -243,12 +246,12 @@ def _make_solid_correction(real: Any, math: str, parts: frozenset[str]) -> Any:
     axes, weight_field = np.int32(WALL), np.int32(F_WEIGHT)
 
     def correct(
-        before, position, record, table, found, number, fluids, kinds, gradients, rows, bodies, integers, counter, place,
-        substeps, substep, shift, into,
+        before, position, record, table, neighbour_counts, number, fluids, kinds, gradients, rows, bodies, integers,
+        counter, place, substeps, substep, shift, into,
     ):  # fmt: skip
-        k, particles = np.int32(cuda.grid(1)), np.int32(found.size)
+        k, particles = np.int32(cuda.grid(1)), np.int32(neighbour_counts.size)
         if k < particles:
-            p, b, near_by = load_quad(position, k), load_quad(before, k), List(table, found[k], particles)
+            p, b, near_by = load_quad(position, k), load_quad(before, k), List(table, neighbour_counts[k], particles)
             parameters = record[0]
             x, y, z = sum_correction(k, p, position, near_by, number, kinds, parameters)
             if rubs:

@@ -82,10 +82,10 @@ class Fluid(SubstepSimulation):
         if self.flow:
             self._numbers = np.append(self._numbers, np.int32(0))  # and the number of active particles
         self.particle = [self.on_device(self._numbers), self.on_device(self._numbers)]
-        self.kept_particle = self.on_device(self._numbers)
+        self.stored_particle = self.on_device(self._numbers)
         self.fluids = self.on_device(self._rows)
         self.sorted = self.on_device(np.zeros(SIZE * max(count, TOGETHER), real))  # kernels load so many at least
-        self.corrected, self.before, self.meant = (self.new_array() for _ in range(3))
+        self.corrected, self.before, self.predicted_velocity = (self.new_array() for _ in range(3))
         parts, walls = self.plan.parts, WALL * count
         self.relaxed = tuple(
             self.on_device(np.zeros(size, real))
@@ -141,19 +141,19 @@ class Fluid(SubstepSimulation):
         """Predict from the state `current`, into the other buffer and `corrected`. Returns (predicted, before, meant,
         numbers), unsorted. `time`: counter, place, substeps, substep."""
         other = 1 - current
-        predicted, meant = self.position[other], self.velocity[other]
+        predicted, predicted_velocity = self.position[other], self.velocity[other]
         before = self.corrected if self.repeats else self.position[current]
         self.begin[self.cells.blocks, SORT_THREADS, self.stream](
             self.position[current], self.velocity[current], self.particle[current], self.cells.limit, self.record,
-            self.fluids, self.bodies, self.integers, *time, predicted, self.corrected, meant, self.cells.boxes,
+            self.fluids, self.bodies, self.integers, *time, predicted, self.corrected, predicted_velocity, self.cells.boxes,
             self.cells.counts,
         )  # fmt: skip
-        return Particles(predicted, before, meant, self.particle[current])
+        return Particles(predicted, before, predicted_velocity, self.particle[current])
 
     @property
     def lists(self) -> tuple[Any, Any]:
         """The table of neighbours, and the number of neighbours of each particle."""
-        return self.cells.table, self.cells.found
+        return self.cells.table, self.cells.neighbour_counts
 
     @property
     def near(self) -> tuple[Any, ...]:
@@ -170,9 +170,11 @@ class Fluid(SubstepSimulation):
         if self.flow:
             now = self._current
             self.flow.emit(self.position[now], self.velocity[now], self.particle[now], time)
-        given, flat, relaxing = self.predict(self._current, time), self._flat, self.relaxing
+        predicted, flat, relaxing = self.predict(self._current, time), self._flat, self.relaxing
         self._current = now = 1 - self._current
-        self.cells.sort(self.record, given, Particles(self.sorted, self.before, self.meant, self.particle[now]))
+        self.cells.sort(
+            self.record, predicted, Particles(self.sorted, self.before, self.predicted_velocity, self.particle[now])
+        )
         world, a, b = (self.bodies, self.integers, *time), self.corrected, self.sorted
         relaxing.prepare[flat](
             b, self.record, *self.near, self.cells.counts, *self.relaxed, self.fluids, *world, a
@@ -183,11 +185,11 @@ class Fluid(SubstepSimulation):
             a, b = b, a
         position, velocity = self.position[now], self.velocity[now]
         self.settling.settle[flat](
-            self.before, self.meant, a, self.record, *self.lists, *self.relaxed[1:], self.fluids, *world, position,
-            self.meant if self.smoothing else velocity,
+            self.before, self.predicted_velocity, a, self.record, *self.lists, *self.relaxed[1:], self.fluids, *world,
+            position, self.predicted_velocity if self.smoothing else velocity,
         )  # fmt: skip
         if self.smoothing:
-            self.smooth(position, self.meant, velocity)
+            self.smooth(position, self.predicted_velocity, velocity)
 
     def smooth(self, position: Any, velocity: Any, into: Any) -> None:
         """Apply the effects of neighbours to velocities; overwrites `before` and `sorted`."""
@@ -240,10 +242,10 @@ class Fluid(SubstepSimulation):
         quads, particle = self._quads(array), self.particle[self._current].copy_to_host(stream=self.stream)
         self.synchronize()
         waiting = PARKED if array is self.position[self._current] else 0.0
-        found = np.full((self.particle_count, self.scene.dimensions), waiting, self.real)
+        values = np.full((self.particle_count, self.scene.dimensions), waiting, self.real)
         there = self._among(particle)
-        found[there] = quads[: len(there), : self.scene.dimensions]
-        return found
+        values[there] = quads[: len(there), : self.scene.dimensions]
+        return values
 
     def _among(self, particle: np.ndarray) -> np.ndarray:
         """Return the numbers of the active particles from the host's copy of `particle`."""
@@ -256,10 +258,13 @@ class Fluid(SubstepSimulation):
 
     def _multipliers(self) -> np.ndarray:
         """Return (particles,) the multipliers of the last substep [m^2], in the scene's order, for pressures."""
-        found, particle = self.multipliers.copy_to_host(stream=self.stream), self.particle[self._current].copy_to_host()
+        multipliers, particle = (
+            self.multipliers.copy_to_host(stream=self.stream),
+            self.particle[self._current].copy_to_host(),
+        )
         self.synchronize()
-        ordered, there = np.zeros_like(found), self._among(particle)
-        ordered[there] = found[: len(there)]
+        ordered, there = np.zeros_like(multipliers), self._among(particle)
+        ordered[there] = multipliers[: len(there)]
         return ordered
 
     def _read_position(self, into: Any) -> Any:
@@ -281,13 +286,13 @@ class Fluid(SubstepSimulation):
 
     def _store_snapshot(self) -> None:
         super()._store_snapshot()
-        self.kept_particle.copy_to_device(self.particle[self._current], stream=self.stream)
+        self.stored_particle.copy_to_device(self.particle[self._current], stream=self.stream)
         if self.flow:
-            self.flow.keep()
+            self.flow.store()
 
     def _restore(self) -> None:
         super()._restore()
-        self.particle[self._current].copy_to_device(self.kept_particle, stream=self.stream)
+        self.particle[self._current].copy_to_device(self.stored_particle, stream=self.stream)
         if self.flow:
             self.flow.restore()
 

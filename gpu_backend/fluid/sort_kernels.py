@@ -34,7 +34,7 @@ AXES = 3
 BOX = 2 * AXES  # numbers of a box: the lowest coordinate along each axis, then the highest
 # integers of the grid: cells along x, y, z; 1 for each axis that is periodic; all cells
 WIDTH, HEIGHT, DEPTH, WRAPS, CELLS = 0, 1, 2, 3, 6
-KEPT = 7  # with sinks, how many particles have a cell
+ACTIVE_CELLS = 7  # with sinks, how many particles have a cell
 NUMBERS = 8
 LOW, INVERSE = 0, AXES  # reals of the grid, one per axis: the corner [m], cells per metre
 REALS = 2 * AXES
@@ -42,36 +42,36 @@ REALS = 2 * AXES
 
 @cache
 def make_box(real: Any) -> Any:
-    """Make keep_box(lx, ly, lz, hx, hy, hz, boxes): it writes the bounding box of a block's threads as a row of
+    """Make store_box(lx, ly, lz, hx, hy, hz, boxes): it writes the bounding box of a block's threads as a row of
     `boxes`; every thread of the block must call it."""
-    room, threads, box = BOX * THREADS, np.int32(THREADS), np.int32(BOX)
+    size, threads, box = BOX * THREADS, np.int32(THREADS), np.int32(BOX)
 
     @inlined("exact")
-    def keep_box(lx, ly, lz, hx, hy, hz, boxes):
-        memory = cuda.shared.array(room, real)
+    def store_box(lx, ly, lz, hx, hy, hz, boxes):
+        memory = cuda.shared.array(size, real)
         t = np.int32(cuda.threadIdx.x)
         memory[t], memory[t + threads], memory[t + 2 * threads] = lx, ly, lz
         memory[t + 3 * threads], memory[t + 4 * threads], memory[t + 5 * threads] = hx, hy, hz
         cuda.syncthreads()
-        reach = np.int32(threads // 2)
-        while reach > 0:
-            if t < reach:
+        stride = np.int32(threads // 2)
+        while stride > 0:
+            if t < stride:
                 for axis in range(AXES):
                     at = np.int32(axis * threads + t)
-                    memory[at] = min(memory[at], memory[at + reach])
+                    memory[at] = min(memory[at], memory[at + stride])
                     at = np.int32(at + AXES * threads)
-                    memory[at] = max(memory[at], memory[at + reach])
+                    memory[at] = max(memory[at], memory[at + stride])
             cuda.syncthreads()
-            reach = np.int32(reach // 2)
+            stride = np.int32(stride // 2)
         if t < box:
             boxes[box * cuda.blockIdx.x + t] = memory[t * threads]
 
-    return keep_box
+    return store_box
 
 
 def _make_grid(real: Any, repeats: frozenset[str]) -> tuple[Any, ...]:
     """Make the kernels that compute the grid from a box."""
-    keep_box, cells = make_box(real), device_formulas(grid.make, real, "exact")
+    store_box, cells = make_box(real), device_formulas(grid.make, real, "exact")
     cells_along, halved, fits = cells.cells_along, cells.halved, grid.make_fits(inlined("exact"))
     along_x, along_y, along_z = "x" in repeats, "y" in repeats, "z" in repeats
     zero, none, threads, one = real(0), real(np.inf), np.int32(THREADS), np.int32(1)
@@ -99,7 +99,7 @@ def _make_grid(real: Any, repeats: frozenset[str]) -> tuple[Any, ...]:
             if abs(p[0]) <= limit and abs(p[1]) <= limit and abs(p[2]) <= limit:  # false for NaN
                 lx, ly, lz = min(lx, p[0]), min(ly, p[1]), min(lz, p[2])
                 hx, hy, hz = max(hx, p[0]), max(hy, p[1]), max(hz, p[2])
-        keep_box(lx, ly, lz, hx, hy, hz, boxes)
+        store_box(lx, ly, lz, hx, hy, hz, boxes)
 
     def span(boxes, record, most, reals, numbers):
         """Compute the grid of at most `most` cells over all boxes: one block."""
@@ -110,7 +110,7 @@ def _make_grid(real: Any, repeats: frozenset[str]) -> tuple[Any, ...]:
             lx, ly, lz = min(lx, boxes[at]), min(ly, boxes[at + 1]), min(lz, boxes[at + 2])
             hx, hy, hz = max(hx, boxes[at + 3]), max(hy, boxes[at + 4]), max(hz, boxes[at + 5])
         cuda.syncthreads()
-        keep_box(lx, ly, lz, hx, hy, hz, boxes)  # as row 0: this is block 0
+        store_box(lx, ly, lz, hx, hy, hz, boxes)  # as row 0: this is block 0
         cuda.syncthreads()
         if t == 0:
             parameters = record[0]
@@ -159,10 +159,10 @@ def _make_sort(real: Any, flows: bool) -> tuple[Any, ...]:
         cells = numbers[CELLS]
         if np.int32(cuda.blockIdx.x) * chunk < cells:
             first = np.int32(cuda.grid(1) * each)
-            last, own = min(np.int32(first + each), cells), zero
+            last, total = min(np.int32(first + each), cells), zero
             for k in range(first, last):
-                own = np.int32(own + counts[k])
-            start = before(own)
+                total = np.int32(total + counts[k])
+            start = before(total)
             for k in range(first, last):
                 count = counts[k]
                 starts[k] = start
@@ -172,9 +172,9 @@ def _make_sort(real: Any, flows: bool) -> tuple[Any, ...]:
 
     def totals(numbers, sums):
         """Replace the total of each chunk by the sum of those before it: one block."""
-        kept = strips(sums, np.int32((numbers[CELLS] + chunk - one) // chunk))
+        active = strips(sums, np.int32((numbers[CELLS] + chunk - one) // chunk))
         if flows and cuda.threadIdx.x == threads - one:
-            numbers[KEPT] = kept
+            numbers[ACTIVE_CELLS] = active
 
     def fill(keys, slots, number, starts, sums, numbers, counts, begins, filled):
         """Write filled[...], the numbers of each cell's particles in any order, and begins[k], the start of cell k.
@@ -190,7 +190,7 @@ def _make_sort(real: Any, flows: bool) -> tuple[Any, ...]:
         for k in range(np.int32(cuda.grid(1)), cells, stride):
             begins[k], counts[k] = np.int32(starts[k] + sums[k // chunk]), zero
         if cuda.grid(1) == 0:
-            begins[cells] = numbers[KEPT] if flows else np.int32(keys.size)
+            begins[cells] = numbers[ACTIVE_CELLS] if flows else np.int32(keys.size)
 
     def arrange(
         keys, begins, filled, position, before_, velocity, number, sorted_position, sorted_before, sorted_velocity,
@@ -199,16 +199,16 @@ def _make_sort(real: Any, flows: bool) -> tuple[Any, ...]:
         """Write particles in the order of their cells, and of their numbers within a cell."""
         k = np.int32(cuda.grid(1))
         if k < keys.size and (not flows or keys[k] >= zero):
-            key, own = keys[k], number[k]
+            key, particle = keys[k], number[k]
             place = begins[key]
             for e in range(begins[key], begins[key + one]):
-                if filled[e] < own:
+                if filled[e] < particle:
                     place = np.int32(place + one)
             p, b, v = load_quad(position, k), load_quad(before_, k), load_quad(velocity, k)
             store_quad(sorted_position, place, p[0], p[1], p[2], p[3])
             store_quad(sorted_before, place, b[0], b[1], b[2], b[3])
             store_quad(sorted_velocity, place, v[0], v[1], v[2], v[3])
-            sorted_number[place], sorted_keys[place] = own, key
+            sorted_number[place], sorted_keys[place] = particle, key
 
     return hash_particles, chunks, totals, fill, arrange
 

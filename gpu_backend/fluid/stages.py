@@ -39,7 +39,7 @@ def bind_fluid_stages(sim: Any) -> Bound:
         now["given"] = sim.predict(0, time(moment))
 
     def sort(moment: Moment) -> None:
-        into = Particles(sim.sorted, sim.before, sim.meant, sim.particle[1])
+        into = Particles(sim.sorted, sim.before, sim.predicted_velocity, sim.particle[1])
         cells.sort(sim.record, now["given"], into)
         sim.particle[0].copy_to_device(sim.particle[1], stream=sim.stream)
         now["position"], now["other"] = sim.sorted, sim.corrected
@@ -57,7 +57,7 @@ def bind_fluid_stages(sim: Any) -> Bound:
         now["position"], now["other"] = now["other"], now["position"]
 
     def update(moment: Moment) -> None:
-        arguments = sim.before, sim.meant, now["position"], sim.record, sim.multipliers, sim.fluids
+        arguments = sim.before, sim.predicted_velocity, now["position"], sim.record, sim.multipliers, sim.fluids
         settling.update[flat](*arguments, *world(moment), state, velocity)
 
     def shape(moment: Moment) -> None:
@@ -69,9 +69,17 @@ def bind_fluid_stages(sim: Any) -> Bound:
         settling.limit[flat](state, velocity, sim.constraints, sim.record, sim.fluids)
 
     def smooth() -> None:
-        sim.meant.copy_to_device(velocity, stream=sim.stream)
+        sim.predicted_velocity.copy_to_device(velocity, stream=sim.stream)
         sim.smoothing.smooth[flat](
-            state, sim.meant, sim.record, *sim.lists, sim.constraints, sim.fluids, sim.before, sim.sorted, velocity
+            state,
+            sim.predicted_velocity,
+            sim.record,
+            *sim.lists,
+            sim.constraints,
+            sim.fluids,
+            sim.before,
+            sim.sorted,
+            velocity,
         )
 
     stages: dict[str, StageRun] = {

@@ -16,7 +16,7 @@ import numpy as np
 from softlab.gpu_backend.core.compile import inlined
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.quads import load_quad
-from softlab.gpu_backend.fluid.lists import make_ways
+from softlab.gpu_backend.fluid.lists import make_offset
 from softlab.model.fluid.parameters import F_WEIGHT, FLUID_FIELDS
 from softlab.model.formulas.fluid import density
 
@@ -98,12 +98,16 @@ def make_over_list(math: str, added: Any, begun: Any) -> Any:
 @cache
 def make_pair(real: Any, math: str, repeats: frozenset[str]) -> Any:
     """Make pair(k, p, j, q, parameters) -> (dx, dy, dz, squared) of two particles, separated if they coincide."""
-    formulas, inline, way = device_formulas(density.make, real, math), inlined(math), make_ways(real, math, repeats)
+    formulas, inline, offset = (
+        device_formulas(density.make, real, math),
+        inlined(math),
+        make_offset(real, math, repeats),
+    )
     squared, apart = formulas.squared, formulas.apart
 
     @inline
     def pair(k, p, j, q, parameters):
-        dx, dy, dz = way(p, q, parameters)
+        dx, dy, dz = offset(p, q, parameters)
         dy = apart(dy, squared(dx, dy, dz), parameters.support, k < j)
         return dx, dy, dz, squared(dx, dy, dz)
 
@@ -112,29 +116,34 @@ def make_pair(real: Any, math: str, repeats: frozenset[str]) -> Any:
 
 def _make_added(real: Any, math: str, parts: frozenset[str], repeats: frozenset[str]) -> SimpleNamespace:
     """Make functions that add neighbour j at q to sums of particle k at p, for `make_over_list`."""
-    f, inline, way, row = (
+    f, inline, offset, row = (
         device_formulas(density.make, real, math),
         inlined(math),
-        make_ways(real, math, repeats),
+        make_offset(real, math, repeats),
         make_row(parts),
     )
     squared, near, closeness, slope, pair = f.squared, f.near, f.closeness, f.slope, make_pair(real, math, repeats)
-    gradient_added, own_added, density_added, crowded = f.gradient_added, f.squares_added, f.density_added, f.crowded
+    gradient_added, squares_added, density_added, crowded = (
+        f.gradient_added,
+        f.squares_added,
+        f.density_added,
+        f.crowded,
+    )
     correction_added, weight_field = f.correction_added, np.int32(F_WEIGHT)
     is_tensile, several = "tensile" in parts, "fluids" in parts
 
     @inline
     def factor_added(sums, k, p, j, q, fluids, parameters):
-        gx, gy, gz, own = sums
+        gx, gy, gz, squares = sums
         dx, dy, dz, r = pair(k, p, j, q, parameters)
         s = slope(r, parameters.inverse_support, parameters.gradient_scale)
         gx, gy, gz = gradient_added(gx, s, dx), gradient_added(gy, s, dy), gradient_added(gz, s, dz)
         weight = fluids.rows[row(q[3]) + weight_field] if several else fluids.weight
-        return gx, gy, gz, own_added(own, weight, s, r)
+        return gx, gy, gz, squares_added(squares, weight, s, r)
 
     @inline
     def total_added(total, k, p, j, q, fluids, parameters):
-        dx, dy, dz = way(p, q, parameters)
+        dx, dy, dz = offset(p, q, parameters)
         return density_added(total, closeness(squared(dx, dy, dz), parameters.inverse_support))
 
     @inline
@@ -172,10 +181,10 @@ def make_sums(real: Any, math: str, parts: frozenset[str], repeats: frozenset[st
     @inline
     def both_added(sums, k, p, j, position, fluids, parameters):
         """Add a neighbour by `factor_added` and `total_added`, as visited by a search."""
-        gx, gy, gz, own, total = sums
+        gx, gy, gz, squares, total = sums
         q = load_quad(position, j)
-        gx, gy, gz, own = factor_added((gx, gy, gz, own), k, p, j, q, fluids, parameters)
-        return gx, gy, gz, own, total_added(total, k, p, j, q, fluids, parameters)
+        gx, gy, gz, squares = factor_added((gx, gy, gz, squares), k, p, j, q, fluids, parameters)
+        return gx, gy, gz, squares, total_added(total, k, p, j, q, fluids, parameters)
 
     over_factors = make_over_list(math, factor_added, (zero, zero, zero, zero))
     over_totals = make_over_list(math, total_added, zero)

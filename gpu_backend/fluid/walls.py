@@ -49,11 +49,11 @@ def make_walls(real: Any, math: str, parts: frozenset[str]) -> Any:
     def joined(so_far, surface, bodies, at, end, parameters, turns, nothing):
         total, gx, gy, gz = so_far
         t = wall_near(beyond(surface[0], bodies[at + B_THICKNESS]), parameters.inverse_wall)
-        share, slope = wall_density(t, parameters.wall_scale), wall_slope(t, parameters.wall_gradient)
-        gx = joined_gradient(gx, total, slope, share, surface[1])
-        gy = joined_gradient(gy, total, slope, share, surface[2])
-        gz = joined_gradient(gz, total, slope, share, surface[3])
-        return joined_density(total, share), gx, gy, gz
+        wall_part, slope = wall_density(t, parameters.wall_scale), wall_slope(t, parameters.wall_gradient)
+        gx = joined_gradient(gx, total, slope, wall_part, surface[1])
+        gy = joined_gradient(gy, total, slope, wall_part, surface[2])
+        gz = joined_gradient(gz, total, slope, wall_part, surface[3])
+        return joined_density(total, wall_part), gx, gy, gz
 
     each = _make_each_wall(real, math, parts, joined)
 
@@ -65,7 +65,7 @@ def make_walls(real: Any, math: str, parts: frozenset[str]) -> Any:
 
 
 def _make_each_wall(real: Any, math: str, parts: frozenset[str], visit: Any) -> Any:
-    """Make each(so_far, p, world, step, given): it applies visit(so_far, surface, bodies, at, end, parameters, turns,
+    """Make each(so_far, p, world, step, arguments): it applies visit(so_far, surface, bodies, at, end, parameters, turns,
     given) to four numbers, collider by collider.
 
     `surface`: (distance, nx, ny, nz) of a particle at p (a quad) from the collider whose row begins at `at`, at the end
@@ -79,45 +79,45 @@ def _make_each_wall(real: Any, math: str, parts: frozenset[str], visit: Any) -> 
     (mesh, field), has_meshes, has_fields = surfaces_of(real, math), "mesh_collider" in parts, "distance_field" in parts
 
     @inline
-    def way(p, bodies, at, time):
+    def offset(p, bodies, at, time):
         """Return the vector from the collider's point at `time` to the particle."""
         x, y, z = place_of(bodies, at, time)
         return p[0] - x, p[1] - y, p[2] - z
 
     @inline
-    def each(found, p, world, step, given):
+    def each(sums, p, world, step, arguments):
         parameters, bodies, integers, at = world.parameters, world.colliders, world.integers, FIRST_ROW
         end = instant(step + next_one, parameters.dt, parameters.first_step, parameters.first_time)
         if has_planes:
             for _ in range(np.int32(integers[PLANES])):
-                dx, dy, dz = way(p, bodies, at, end)
+                dx, dy, dz = offset(p, bodies, at, end)
                 surface = plane(dx, dy, dz, bodies[at + B_U], bodies[at + B_V], bodies[at + B_W])
-                found, at = visit(found, surface, bodies, at, end, parameters, False, given), np.uint64(at + ROW)
+                sums, at = visit(sums, surface, bodies, at, end, parameters, False, arguments), np.uint64(at + ROW)
         if has_spheres:
             for _ in range(np.int32(integers[SPHERES])):
-                dx, dy, dz = way(p, bodies, at, end)
+                dx, dy, dz = offset(p, bodies, at, end)
                 surface = sphere(dx, dy, dz, bodies[at + B_RADIUS])
-                found, at = visit(found, surface, bodies, at, end, parameters, False, given), np.uint64(at + ROW)
+                sums, at = visit(sums, surface, bodies, at, end, parameters, False, arguments), np.uint64(at + ROW)
         if has_capsules:
             for _ in range(np.int32(integers[CAPSULES])):
-                dx, dy, dz = way(p, bodies, at, end)
+                dx, dy, dz = offset(p, bodies, at, end)
                 ex, ey, ez = bodies[at + B_U], bodies[at + B_V], bodies[at + B_W]
                 surface = capsule(dx, dy, dz, ex, ey, ez, bodies[at + B_RADIUS])
-                found, at = visit(found, surface, bodies, at, end, parameters, False, given), np.uint64(at + ROW)
+                sums, at = visit(sums, surface, bodies, at, end, parameters, False, arguments), np.uint64(at + ROW)
         if has_boxes:
             for _ in range(np.int32(integers[BOXES])):
-                dx, dy, dz = way(p, bodies, at, end)
+                dx, dy, dz = offset(p, bodies, at, end)
                 surface = box(dx, dy, dz, bodies[at + B_U], bodies[at + B_V], bodies[at + B_W])
-                found, at = visit(found, surface, bodies, at, end, parameters, False, given), np.uint64(at + ROW)
+                sums, at = visit(sums, surface, bodies, at, end, parameters, False, arguments), np.uint64(at + ROW)
         if has_meshes:
             for _ in range(np.int32(integers[MESHES])):
                 surface = mesh(p, bodies, at, end, parameters)
-                found, at = visit(found, surface, bodies, at, end, parameters, True, given), np.uint64(at + ROW)
+                sums, at = visit(sums, surface, bodies, at, end, parameters, True, arguments), np.uint64(at + ROW)
         if has_fields:
             for _ in range(np.int32(integers[FIELDS])):
                 surface = field(p, bodies, at, end, parameters)
-                found, at = visit(found, surface, bodies, at, end, parameters, True, given), np.uint64(at + ROW)
-        return found
+                sums, at = visit(sums, surface, bodies, at, end, parameters, True, arguments), np.uint64(at + ROW)
+        return sums
 
     return each
 
@@ -136,9 +136,9 @@ def make_settled(real: Any, math: str, parts: frozenset[str]) -> Any:
     inline, place_of, zero = inlined(math), make_place_of(real, math), real(0)
 
     @inline
-    def settle(so_far, surface, bodies, at, end, parameters, turns, given):
+    def settle(so_far, surface, bodies, at, end, parameters, turns, arguments):
         total, vx, vy, vz = so_far
-        q, u, multiplier, weight = given
+        q, u, multiplier, weight = arguments
         distance, nx, ny, nz = surface
         wx, wy, wz = bodies[at + B_VX], bodies[at + B_VY], bodies[at + B_VZ]
         if turns:
@@ -148,10 +148,10 @@ def make_settled(real: Any, math: str, parts: frozenset[str]) -> Any:
                 ox, oy, oz,
             )  # fmt: skip
         t = wall_near(beyond(distance, bodies[at + B_THICKNESS]), parameters.inverse_wall)
-        share, slope = wall_density(t, parameters.wall_scale), wall_slope(t, parameters.wall_gradient)
-        push = wall_push(multiplier, weight, slope, rate(share, total), parameters.inverse_dt)
+        wall_part, slope = wall_density(t, parameters.wall_scale), wall_slope(t, parameters.wall_gradient)
+        push = wall_push(multiplier, weight, slope, rate(wall_part, total), parameters.inverse_dt)
         speed = rebound(vx, vy, vz, u[0], u[1], u[2], wx, wy, wz, nx, ny, nz, push)
-        return joined_density(total, share), without(vx, speed, nx), without(vy, speed, ny), without(vz, speed, nz)
+        return joined_density(total, wall_part), without(vx, speed, nx), without(vy, speed, ny), without(vz, speed, nz)
 
     each = _make_each_wall(real, math, parts, settle)
 
@@ -168,7 +168,7 @@ def make_settled(real: Any, math: str, parts: frozenset[str]) -> Any:
 def surfaces_of(real: Any, math: str) -> tuple[Any, Any]:
     """Make (mesh, field)(p, bodies, at, time, parameters) -> (distance, nx, ny, nz) of a particle at p (a quad) from a
     collider made from a mesh, whose row begins at `at`."""
-    found, inline = device_formulas(surfaces.make, real, math), inlined(math)
+    formulas, inline = device_formulas(surfaces.make, real, math), inlined(math)
 
     def of(away: Any) -> Any:
         @inline
@@ -182,4 +182,4 @@ def surfaces_of(real: Any, math: str) -> tuple[Any, Any]:
 
         return surface
 
-    return of(found.mesh_collider), of(found.distance_field)
+    return of(formulas.mesh_collider), of(formulas.distance_field)

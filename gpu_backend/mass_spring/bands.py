@@ -65,8 +65,8 @@ class Bands:
         api: Any = cuda
         self.cuts, self._stream = cuts, stream
         count = len(cuts) - 1
-        self._own = {k: urgent_stream() for k, cut in ((0, above), (count - 1, below)) if cut}
-        self.streams = [self._own.get(k) or api.stream() for k in range(count)]
+        self._urgent_streams = {k: urgent_stream() for k, cut in ((0, above), (count - 1, below)) if cut}
+        self.streams = [self._urgent_streams.get(k) or api.stream() for k in range(count)]
         last, this = ([api.event(timing=False) for _ in range(count)] for _ in range(2))
         self._done = last, this  # events: the bands' ends of a pass
         self._begun = api.event(timing=False)
@@ -99,6 +99,6 @@ class Bands:
 
     def close(self) -> None:
         """Free what numba does not; nothing may be running."""
-        for stream in self._own.values():
+        for stream in self._urgent_streams.values():
             close_stream(stream)
-        self._own = {}
+        self._urgent_streams = {}

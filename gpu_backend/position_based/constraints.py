@@ -81,27 +81,28 @@ def make_pair(real: Any, math: str, parts: frozenset[str], family: Family, colou
     inline = inlined(math)
 
     @inline
-    def reciprocal_between(first, second, own):
+    def reciprocal_between(first, second, constants_here):
         """Return the reciprocal from the weights of both ends."""
         if has_load:
-            return reciprocal_of(first + second, own.stiffening, own.compliance)
+            return reciprocal_of(first + second, constants_here.stiffening, constants_here.compliance)
         if has_pins:
             weight = first + second
-            return own.both if weight == two else own.one if weight == one else zero
-        return own.both
+            return constants_here.both if weight == two else constants_here.one if weight == one else zero
+        return constants_here.both
 
     @inline
     def pair(position, before, a, b, multiplier, constants):
-        own = constants[number]
+        constants_here = constants[number]
         p, q = load_quad(position, a), load_quad(position, b)
         dx, dy, dz = q[0] - p[0], q[1] - p[1], q[2] - p[2]
         ex, ey, ez = zero, zero, zero
         if has_damper:
             old_p, old_q = load_quad(before, a), load_quad(before, b)
             ex, ey, ez = dx - (old_q[0] - old_p[0]), dy - (old_q[1] - old_p[1]), dz - (old_q[2] - old_p[2])
-        reciprocal = reciprocal_between(p[3], q[3], own)
+        reciprocal = reciprocal_between(p[3], q[3], constants_here)
         change, scale = change_of(
-            dx, dy, dz, ex, ey, ez, reciprocal, multiplier, own.rest, own.compliance, own.damping
+            dx, dy, dz, ex, ey, ez, reciprocal, multiplier, constants_here.rest, constants_here.compliance,
+            constants_here.damping
         )  # fmt: skip
         wp, wq = one, one
         if has_pins or has_load:

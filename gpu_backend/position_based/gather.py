@@ -32,7 +32,7 @@ def _make_pulls(real: Any, math: str, parts: frozenset[str], axes: int) -> Any:
     inline = inlined(math)
 
     def make_pull(kind: str, number: int) -> Any:
-        own_kind, odd_kind = OF_SHEETS.index(kind), OF_SHEETS.index("stiff")
+        kind_index, odd_kind = OF_SHEETS.index(kind), OF_SHEETS.index("stiff")
         can_alternate = alternates and kind == "structural"
         has_compliance, has_damper = kind in soft, f"{kind}-damping" in parts
         slot = np.int32(4 * soft.index(kind) + number if has_compliance else 0)
@@ -47,16 +47,17 @@ def _make_pulls(real: Any, math: str, parts: frozenset[str], axes: int) -> Any:
             if has_damper:
                 old_q = load_quad(before, other - lag)
                 ex, ey, ez = dx - (old_q[0] - old[0]), dy - (old_q[1] - old[1]), dz - (old_q[2] - old[2])
-            own = constants[own_kind]
+            constants_here = constants[kind_index]
             if can_alternate:
                 if odd:
-                    own = constants[odd_kind]
+                    constants_here = constants[odd_kind]
             multiplier = zero
             if has_compliance:
                 multiplier = multipliers[first + slot * step]
-            reciprocal = reciprocal_of(p[3] + q[3], own.stiffening, own.compliance)
+            reciprocal = reciprocal_of(p[3] + q[3], constants_here.stiffening, constants_here.compliance)
             change, scale = change_of(
-                dx, dy, dz, ex, ey, ez, reciprocal, multiplier, own.rest, own.compliance, constants[own_kind].damping
+                dx, dy, dz, ex, ey, ez, reciprocal, multiplier, constants_here.rest, constants_here.compliance,
+                constants[kind_index].damping
             )  # fmt: skip
             if has_compliance:
                 multipliers[first + slot * step] = multiplier + change
@@ -149,7 +150,7 @@ def _make_neighbour_sum(real: Any, math: str, parts: frozenset[str], make_pull: 
 def make_gather(real: Any, math: str, parts: frozenset[str], axes: int) -> SimpleNamespace:
     """Make the device functions of Jacobi orderings:
 
-    - `valence_of(cell)`: number of constraints of a mass; `share_of(valence, weight)`: its fourth number;
+    - `valence_of(cell)`: number of constraints of a mass; `weight_of(valence, weight)`: its fourth number;
     - `gather(position, before, k, lag, pitch, cell, p, old, m, first, step, constants)` -> (x, y, z): the sum of a mass's
       displacements. It is at index k of `position` (p), the mass below it at k + `pitch`; in `before` (old) all indices
       are `lag` less. Its multipliers are numbers first, first + step, ... of m, 4 of each kind of constraints with
@@ -157,7 +158,7 @@ def make_gather(real: Any, math: str, parts: frozenset[str], axes: int) -> Simpl
     - `arrive(p, weight, sum, valence)` -> (x, y, z): the mass after the iteration.
     """
     formulas = device_formulas(distance.make, real, math)
-    share, gathered, averaged = formulas.weighted_valence, formulas.gathered, formulas.averaged
+    weighted_valence, gathered, averaged = formulas.weighted_valence, formulas.gathered, formulas.averaged
     has_structural, has_shear, has_bending = "structural" in parts, "shear" in parts, "bending" in parts
     averages, solid = "averaged-jacobi" in parts, axes == 3
     total = _make_neighbour_sum(real, math, parts, _make_pulls(real, math, parts, axes))
@@ -178,8 +179,8 @@ def make_gather(real: Any, math: str, parts: frozenset[str], axes: int) -> Simpl
         return real(total)
 
     @inline
-    def share_of(valence, weight):
-        return weight if averages else share(valence, weight)
+    def weight_of(valence, weight):
+        return weight if averages else weighted_valence(valence, weight)
 
     @inline
     def gather(position, before, k, lag, pitch, cell, p, old, m, first, step, constants):
@@ -197,4 +198,4 @@ def make_gather(real: Any, math: str, parts: frozenset[str], axes: int) -> Simpl
             z = gathered(z, weight, total[2])
         return gathered(p[0], weight, total[0]), gathered(p[1], weight, total[1]), z
 
-    return SimpleNamespace(valence_of=valence_of, share_of=share_of, gather=gather, arrive=arrive)
+    return SimpleNamespace(valence_of=valence_of, weight_of=weight_of, gather=gather, arrive=arrive)

@@ -53,9 +53,9 @@ def make_begin(real: Any, math: str, parts: frozenset[str], axes: int) -> Any:
     it predicts the positions that constraints start from, from the state at the start of the substep."""
     accelerate = make_accelerations(real, math, parts).accelerate
     predict, gather = make_motion(real, math, parts, axes).predict, make_gather(real, math, parts, axes)
-    valence_of, share_of = gather.valence_of, gather.share_of
+    valence_of, weight_of = gather.valence_of, gather.weight_of
     clock, lattice, block_air = make_clock(math, parts), make_place(math), make_block_air(real, math, parts)
-    has_shares, zero = bool(parts & JACOBI), real(0)
+    has_valences, zero = bool(parts & JACOBI), real(0)
 
     def begin(
         position, velocity, predicted, record, integers, counter, place, substeps, substep, rows, columns
@@ -73,8 +73,8 @@ def make_begin(real: Any, math: str, parts: frozenset[str], axes: int) -> Any:
             )
             x, y, z = predict(p, v, ax, ay, az, parameters)
             spare = p[3]
-            if has_shares:
-                spare = share_of(valence_of(Cell(i, j, rows, columns)), spare)
+            if has_valences:
+                spare = weight_of(valence_of(Cell(i, j, rows, columns)), spare)
             store_quad(predicted, k, x, y, z, spare)
 
     return make_kernel(begin, f"xpbd_{variant_name(real, math, axes, parts)}", **kernel_options(math))

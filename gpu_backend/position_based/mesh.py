@@ -62,8 +62,10 @@ class MeshPositionBased(DrivenSimulation, SubstepSimulation):
     def _require_space(self) -> None:
         item = np.dtype(self.real).itemsize
         needed = 8 * SIZE * self.particle_count * item
-        for found in self._constraints()[0]:
-            needed += found.corners.nbytes + (found.values.size + 3 * len(found.corners)) * item
+        for constraint_set in self._constraints()[0]:
+            needed += (
+                constraint_set.corners.nbytes + (constraint_set.values.size + 3 * len(constraint_set.corners)) * item
+            )
         self._require_memory(needed, self.named, f"{self.particle_count} vertices")
 
     def _plan_of(self, scene: Scene, live: frozenset[str]) -> Plan:
@@ -115,8 +117,8 @@ class MeshPositionBased(DrivenSimulation, SubstepSimulation):
             self._slow = make_slow(*variant)
             self._rates = self.on_device(self.scene.tetrahedra_set.damping_rates.astype(self.real))
         self._colours: list[tuple[str, Callable[[Any, Any, bool], None]]] = []
-        for found, projection in zip(*self._constraints(), strict=True):
-            self._colours += self._projections(found, projection)
+        for constraint_set, projection in zip(*self._constraints(), strict=True):
+            self._colours += self._projections(constraint_set, projection)
         if self.kernel == "stages":
             self._executor = Executor(self.plan, self._stages())
             return
@@ -132,14 +134,14 @@ class MeshPositionBased(DrivenSimulation, SubstepSimulation):
         self._tools = SimpleNamespace(**vars(make_cloth_tools(self.real)) | vars(make_mesh_tools(self.real)))
 
     def _projections(
-        self, found: ConstraintSet, projection: Projection
+        self, constraint_set: ConstraintSet, projection: Projection
     ) -> list[tuple[str, Callable[[Any, Any, bool], None]]]:
         """Return (stage, project(before, position, fresh)) of every colour of a set of constraints."""
-        kernel, count = make_projections(self.real, self.options.math, projection), len(found.corners)
+        kernel, count = make_projections(self.real, self.options.math, projection), len(constraint_set.corners)
         multipliers = self.on_device(np.zeros(max(1, projection.soft * projection.multipliers * count), self.real))
-        order, run = places(found), found.run
-        corners = self.on_device(device_corners(projection, found.corners[order], found.starts))
-        values = self.on_device(pack(found.values[order].astype(self.real)))
+        order, run = places(constraint_set), constraint_set.run
+        corners = self.on_device(device_corners(projection, constraint_set.corners[order], constraint_set.starts))
+        values = self.on_device(pack(constraint_set.values[order].astype(self.real)))
 
         def project(start: int, stop: int) -> Callable[[Any, Any, bool], None]:
             launch, bounds = (
@@ -150,8 +152,8 @@ class MeshPositionBased(DrivenSimulation, SubstepSimulation):
                 position, before, corners, values, multipliers, *bounds, np.int32(fresh), self.record
             )
 
-        bounds, name = found.starts.tolist(), (found.kind, found.model)
-        return [(stage_name(*name, c), project(*bounds[c : c + 2])) for c in range(found.colours)]
+        bounds, name = constraint_set.starts.tolist(), (constraint_set.kind, constraint_set.model)
+        return [(stage_name(*name, c), project(*bounds[c : c + 2])) for c in range(constraint_set.colours)]
 
     # ------------------------------------------------------------------ a step
 

@@ -59,7 +59,7 @@ def make_mesh_begin(real: Any, math: str, parts: frozenset[str]) -> Any:
     substeps, substep): it predicts the positions that constraints start from, from the state at the start of the
     substep."""
     forces, predict = make_forces(real, math, parts), make_motion(real, math, parts, AXES).predict
-    add_gravity, add, add_own = forces.add_gravity, forces.add, forces.add_own
+    add_gravity, add, add_particle_force = forces.add_gravity, forces.add, forces.add_particle_force
     wind_of = make_vertex_wind(real, math)
     clock, block_air = make_clock(math, parts), make_block_air(real, math, parts)
     has_wind, zero = "wind" in parts, real(0)
@@ -77,7 +77,7 @@ def make_mesh_begin(real: Any, math: str, parts: frozenset[str]) -> Any:
             if has_wind:
                 fx, fy, fz = wind_of(position, velocity, k, offsets, at_vertex, corners, parameters, air)
                 ax, ay, az = add((ax, ay, az), p[3], (fx, fy, fz))
-            ax, ay, az = add_own(ax, ay, az, k, p[3], parameters, integers, step)
+            ax, ay, az = add_particle_force(ax, ay, az, k, p[3], parameters, integers, step)
             x, y, z = predict(p, v, ax, ay, az, parameters)
             store_quad(predicted, k, x, y, z, p[3])
 

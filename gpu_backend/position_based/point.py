@@ -23,7 +23,7 @@ def make_accelerations(real: Any, math: str, parts: frozenset[str]) -> SimpleNam
     """Make the accelerations of a sheet's mass without constraints, each (ax, ay, az, ...) -> (ax, ay, az) [m/s^2]:
     `add_wind`; and `accelerate`, wind and own forces."""
     forces, wind_sum = make_forces(real, math, parts), make_wind(real, math, parts).wind_sum
-    add, add_gravity, add_own = forces.add, forces.add_gravity, forces.add_own
+    add, add_gravity, add_particle_force = forces.add, forces.add_gravity, forces.add_particle_force
     inline, has_wind, zero = inlined(math), "wind" in parts, real(0)
 
     @inline
@@ -39,7 +39,7 @@ def make_accelerations(real: Any, math: str, parts: frozenset[str]) -> SimpleNam
         substep."""
         ax, ay, az = add_gravity(zero, zero, zero, parameters)
         ax, ay, az = add_wind(ax, ay, az, position, velocity, k, cell, p, v, parameters, air)
-        return add_own(ax, ay, az, k, p[3], parameters, integers, step)
+        return add_particle_force(ax, ay, az, k, p[3], parameters, integers, step)
 
     return SimpleNamespace(add_wind=add_wind, accelerate=accelerate)
 

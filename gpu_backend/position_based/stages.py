@@ -27,7 +27,7 @@ def make_xpbd_stages(real: Any, math: str, parts: frozenset[str], axes: int) -> 
     add_wind = forces.add_wind
     predict_mass, rate_of, collide_mass = motion.predict, motion.rate_of, motion.collide
     jacobi, block_air = make_gather(real, math, parts, axes), make_block_air(real, math, parts)
-    valence_of, share_of, has_shares = jacobi.valence_of, jacobi.share_of, bool(parts & JACOBI)
+    valence_of, weight_of, has_valences = jacobi.valence_of, jacobi.weight_of, bool(parts & JACOBI)
     zero = real(0)
 
     def wind(position, velocity, record, integers, number, a, rows, columns):
@@ -52,8 +52,8 @@ def make_xpbd_stages(real: Any, math: str, parts: frozenset[str], axes: int) -> 
             p, b = load_quad(before, k), load_quad(a, k)
             x, y, z = predict_mass(p, load_quad(velocity, k), b[0], b[1], b[2], parameters)
             spare = p[3]
-            if has_shares:
-                spare = share_of(valence_of(Cell(np.int32(k // columns), np.int32(k % columns), rows, columns)), spare)
+            if has_valences:
+                spare = weight_of(valence_of(Cell(np.int32(k // columns), np.int32(k % columns), rows, columns)), spare)
             store_quad(position, k, x, y, z, spare)
             store_quad(a, k, zero, zero, zero, zero)
 

@@ -20,32 +20,39 @@ from softlab.model.formulas.shape_matching import rebound
 
 
 @cache
-def make_give(real: Any, math: str, own: bool, many: bool, scaled: bool) -> Any:
-    """Compile give(position, old, velocity, found, neighbours, record, body, kind, kinds, touching, travel, pressed,
-    scales, struck).
+def make_give(real: Any, math: str, self_contact: bool, many: bool, scaled: bool) -> Any:
+    """Compile give(position, old, velocity, neighbour_counts, neighbours, record, body, kind, kinds, touching, travel,
+    pressed,
+    scales, impulses).
 
-    It writes the velocity changes by separating contacts into `struck`; otherwise as `bounce` of
+    It writes the velocity changes by separating contacts into `impulses`; otherwise as `bounce` of
     contact/particles_bounce.py. `scaled`: impulses are multiplied by the smaller one of both particles' `scales`.
     """
     formulas = device_formulas(particle_contact.make, real, math)
     split, moved, impulse_of, add = formulas.split, formulas.moved, formulas.impulse, formulas.impulse_added
     whole = device_formulas(rebound.make, real, math)
     factor_of, product, squared_impulse, wanted = whole.shared, whole.scaled, whole.squared, whole.wanted
-    lack_of, zero, one, most = make_lack(real, math, own, many, True), real(0), real(1), np.int32(MAX_NEIGHBOURS)
+    lack_of, zero, one, most = (
+        make_lack(real, math, self_contact, many, True),
+        real(0),
+        real(1),
+        np.int32(MAX_NEIGHBOURS),
+    )
 
     def give(
-        position, old, velocity, found, neighbours, record, body, kind, kinds, touching, travel, pressed, scales, struck
+        position, old, velocity, neighbour_counts, neighbours, record, body, kind, kinds, touching, travel, pressed,
+        scales, impulses
     ):  # fmt: skip
         i = np.int32(cuda.grid(1))
-        if i < found.size:
-            kept, particles = np.int32(min(found[i], most)), np.int64(found.size)
+        if i < neighbour_counts.size:
+            neighbour_count, particles = np.int32(min(neighbour_counts[i], most)), np.int64(neighbour_counts.size)
             x, y, z, weight, squares, contacts = zero, zero, zero, zero, zero, zero
-            if kept > 0:
+            if neighbour_count > 0:
                 v = load_quad(touching, i)
                 if v[3] > zero:
                     p, o = load_quad(position, i), load_quad(old, i)
                     weight = p[3]
-                    for s in range(kept):
+                    for s in range(neighbour_count):
                         j = neighbours[s * particles + i]
                         w = load_quad(touching, j)
                         by = pressed[s * particles + i]
@@ -53,51 +60,52 @@ def make_give(real: Any, math: str, own: bool, many: bool, scaled: bool) -> Any:
                             i, j, p, o, v, w, position, old, record, body, kind, kinds, travel, by
                         )
                         if lack != zero:
-                            share = split(v[3], one, w[3], one)
+                            fraction = split(v[3], one, w[3], one)
                             if scaled:
                                 f, g = load_quad(scales, i), load_quad(scales, j)
                                 lack = product(
                                     lack, factor_of(record[H_RESTITUTION], f[0], f[1], f[2], g[0], g[1], g[2])
                                 )
-                            given = impulse_of(share, lack, max(by, zero), record[H_INVERSE_SUBSTEP])
-                            x, y, z = add(x, given, nx), add(y, given, ny), add(z, given, nz)
-                            squares, contacts = squared_impulse(squares, given), contacts + one
+                            impulse = impulse_of(fraction, lack, max(by, zero), record[H_INVERSE_SUBSTEP])
+                            x, y, z = add(x, impulse, nx), add(y, impulse, ny), add(z, impulse, nz)
+                            squares, contacts = squared_impulse(squares, impulse), contacts + one
             asked = wanted(weight, contacts, squares)
-            store_quad(struck, i, moved(zero, weight, x), moved(zero, weight, y), moved(zero, weight, z), asked)
+            store_quad(impulses, i, moved(zero, weight, x), moved(zero, weight, y), moved(zero, weight, z), asked)
 
-    name = variant_name(real, math, f"own{own:d}", f"many{many:d}", f"scaled{scaled:d}")
+    name = variant_name(real, math, f"own{self_contact:d}", f"many{many:d}", f"scaled{scaled:d}")
     return make_kernel(give, f"bodies_bounce_{name}", **kernel_options(math))
 
 
 @cache
 def make_bodies_bounce(real: Any, math: str) -> SimpleNamespace:
-    """Compile `spread(own_starts, own_clusters, limits, motions, scales)`, each particle's scale, that of its body, 1
-    without one, and `join(position, velocity, struck, own_starts, own_clusters, limits, motions)`.
+    """Compile `spread(particle_starts, particle_clusters, limits, motions, scales)`, each particle's scale,
+    that of its body, 1 without one,
+    and `join(position, velocity, impulses, particle_starts, particle_clusters, limits, motions)`.
 
-    `join` adds to velocities the motions of the bodies, or the impulse `struck` for a particle without a body.
+    `join` adds to velocities the motions of the bodies, or the impulse `impulses` for a particle without a body.
     """
     formulas = device_formulas(rebound.make, real, math)
     rigid, joined, zero, one = formulas.rigid, formulas.joined, real(0), np.int32(1)
     unit = real(1)
 
-    def spread(own_starts, own_clusters, limits, motions, scales):
+    def spread(particle_starts, particle_clusters, limits, motions, scales):
         k = np.int32(cuda.grid(1))
         if k < scales.size // SIZE:
             most, asked, worth = unit, zero, zero
-            for n in range(own_starts[k], own_starts[k + one]):
-                if limits[own_clusters[n]] != zero:
-                    o = load_quad(motions, np.int32(ROWS * own_clusters[n]))
+            for n in range(particle_starts[k], particle_starts[k + one]):
+                if limits[particle_clusters[n]] != zero:
+                    o = load_quad(motions, np.int32(ROWS * particle_clusters[n]))
                     most, asked, worth = o[0], o[1], o[2]
             store_quad(scales, k, most, asked, worth, zero)
 
-    def join(position, velocity, struck, own_starts, own_clusters, limits, motions):
+    def join(position, velocity, impulses, particle_starts, particle_clusters, limits, motions):
         k = np.int32(cuda.grid(1))
         if k < position.size // SIZE:
-            p, v, q = load_quad(position, k), load_quad(velocity, k), load_quad(struck, k)
+            p, v, q = load_quad(position, k), load_quad(velocity, k), load_quad(impulses, k)
             a, b, c = q[0], q[1], q[2]
-            for n in range(own_starts[k], own_starts[k + one]):
-                if limits[own_clusters[n]] != zero:
-                    row = np.int32(ROWS * own_clusters[n])
+            for n in range(particle_starts[k], particle_starts[k + one]):
+                if limits[particle_clusters[n]] != zero:
+                    row = np.int32(ROWS * particle_clusters[n])
                     o, t, s = load_quad(motions, row), load_quad(motions, row + 1), load_quad(motions, row + 2)
                     dx, dy, dz = p[0] - o[0], p[1] - o[1], p[2] - o[2]
                     a = rigid(t[0], s[1], dz, s[2], dy)

@@ -28,12 +28,13 @@ def make_couples(real: Any, math: str, has_rigid: bool) -> SimpleNamespace:
     """Compile `gather` and `turn`.
 
     `gather(position, couples, starts, firsts, indices, members, leans, spins)`: the turns of all clusters, in blocks of
-    THREADS; `turn(position, couples, own_starts, own_clusters, own_shares, spins)`: moves particles and zeroes their
+    THREADS; `turn(position, couples, particle_starts, particle_clusters, particle_weights,
+    spins)`: moves particles and zeroes their
     couples; with rigid bodies, `has_rigid`, its last argument is their `travel`.
     """
     masses, formulas = device_formulas(pace.make, real, math), device_formulas(couple.make, real, math)
     lane_sum, carried = make_lane_sum(real, math), device_formulas(rigid.make, real, math).carried
-    weighted, added, spin, turned, gone = (
+    weighted, added, spin, cross_added, gone = (
         masses.weighted,
         masses.added,
         formulas.spin,
@@ -71,42 +72,42 @@ def make_couples(real: Any, math: str, has_rigid: bool) -> SimpleNamespace:
             shared[k] = lane_sum(shared, k)
         cuda.syncthreads()
         if c < clusters and lane == 0:
-            f, lean, row = load_quad(position, firsts[c]), load_quad(leans, c), np.int32(QUADS * c)
+            f, rest_offset, row = load_quad(position, firsts[c]), load_quad(leans, c), np.int32(QUADS * c)
             cx, cy, cz, ox, oy, oz = spin(
                 shared[base], shared[base + pitch], shared[base + 2 * pitch], shared[base + 3 * pitch],
                 shared[base + 4 * pitch], shared[base + 5 * pitch], shared[base + 6 * pitch], shared[base + 7 * pitch],
                 shared[base + 8 * pitch], shared[base + 9 * pitch], shared[base + 10 * pitch], shared[base + 11 * pitch],
-                lean[3], f[0], f[1], f[2],
+                rest_offset[3], f[0], f[1], f[2],
             )  # fmt: skip
             store_quad(spins, row, cx, cy, cz, zero)
             store_quad(spins, row + 1, ox, oy, oz, zero)
 
     @inlined(math)
-    def turn_one(k, position, couples, own_starts, own_clusters, own_shares, spins):
+    def turn_one(k, position, couples, particle_starts, particle_clusters, particle_weights, spins):
         """Return (old position, new position) of particle k."""
         store_quad(couples, k, zero, zero, zero, zero)
         p, x, y, z = load_quad(position, k), zero, zero, zero
         if p[3] != zero:
-            for n in range(own_starts[k], own_starts[k + one]):
-                row, share = np.int32(QUADS * own_clusters[n]), own_shares[n]
+            for n in range(particle_starts[k], particle_starts[k + one]):
+                row, weight = np.int32(QUADS * particle_clusters[n]), particle_weights[n]
                 c, o = load_quad(spins, row), load_quad(spins, row + 1)
                 dx, dy, dz = p[0] - c[0], p[1] - c[1], p[2] - c[2]
-                x = turned(x, share, o[1], dz, o[2], dy)
-                y = turned(y, share, o[2], dx, o[0], dz)
-                z = turned(z, share, o[0], dy, o[1], dx)
+                x = cross_added(x, weight, o[1], dz, o[2], dy)
+                y = cross_added(y, weight, o[2], dx, o[0], dz)
+                z = cross_added(z, weight, o[0], dy, o[1], dx)
         x, y, z = gone(p[0], x), gone(p[1], y), gone(p[2], z)
         store_quad(position, k, x, y, z, p[3])
         return p, (x, y, z)
 
-    def turn_soft(position, couples, own_starts, own_clusters, own_shares, spins):
+    def turn_soft(position, couples, particle_starts, particle_clusters, particle_weights, spins):
         k = np.int32(cuda.grid(1))
         if k < position.size // SIZE:
-            turn_one(k, position, couples, own_starts, own_clusters, own_shares, spins)
+            turn_one(k, position, couples, particle_starts, particle_clusters, particle_weights, spins)
 
-    def turn_rigid(position, couples, own_starts, own_clusters, own_shares, spins, travel):
+    def turn_rigid(position, couples, particle_starts, particle_clusters, particle_weights, spins, travel):
         k = np.int32(cuda.grid(1))
         if k < position.size // SIZE:
-            p, q = turn_one(k, position, couples, own_starts, own_clusters, own_shares, spins)
+            p, q = turn_one(k, position, couples, particle_starts, particle_clusters, particle_weights, spins)
             t = load_quad(travel, k)
             store_quad(travel, k, carried(t[0], q[0], p[0]), carried(t[1], q[1], p[1]), carried(t[2], q[2], p[2]), t[3])
 
@@ -117,24 +118,25 @@ def make_couples(real: Any, math: str, has_rigid: bool) -> SimpleNamespace:
 
 
 class Couples:
-    """Couples of `clusters`; `own` (entries,): entries in the particles' order. `sums`: quads of particles, 0 between
-    substeps."""
+    """Couples of `clusters`; `particle_order` (entries,): entries in the particles' order. `sums`: quads of particles,
+    0 between substeps."""
 
     launches = 2  # of `turn`
 
     def __init__(
-        self, clusters: Clusters, own: np.ndarray, particles: int, parts: frozenset[str], real: Any, math: str, stream: Any
+        self, clusters: Clusters, particle_order: np.ndarray, particles: int, parts: frozenset[str], real: Any,
+        math: str, stream: Any
     ):  # fmt: skip
         self._blocks = max(1, -(-clusters.count // TOGETHER)), THREADS, stream
         self._flat = max(1, -(-particles // THREADS)), THREADS, stream
         arrays = np.zeros(SIZE * particles, real), np.zeros(QUADS * SIZE * clusters.count, real)
-        self.sums, self._spins, self._shares = (
-            cuda.to_device(array, stream=stream) for array in (*arrays, clusters.weights[own].astype(real))
+        self.sums, self._spins, self._weights = (
+            cuda.to_device(array, stream=stream) for array in (*arrays, clusters.weights[particle_order].astype(real))
         )
         self._kernels = make_couples(real, math, "rigid-motion" in parts)
 
     def turn(self, position: Any, entries: tuple[Any, ...], leans: Any, gathered: tuple[Any, ...], travel: Any) -> None:
         """Turn particles after the substep's contacts are projected; `travel`: of rigid bodies, or None."""
         self._kernels.gather[self._blocks](position, self.sums, *entries, leans, self._spins)
-        given = position, self.sums, *gathered[:2], self._shares, self._spins
-        self._kernels.turn[self._flat](*given, *(() if travel is None else (travel,)))
+        arguments = position, self.sums, *gathered[:2], self._weights, self._spins
+        self._kernels.turn[self._flat](*arguments, *(() if travel is None else (travel,)))

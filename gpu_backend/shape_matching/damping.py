@@ -30,7 +30,7 @@ def make_gather(real: Any, math: str) -> Any:
     """Compile gather(position, velocity, starts, firsts, indices, members, leans, motions): the rigid motions of all
     clusters, in blocks of THREADS. `motions`: three quads each, the centre, the velocity there, the spin."""
     formulas, lane_sum = device_formulas(pace.make, real, math), make_lane_sum(real, math)
-    weighted, added, turned, motion = formulas.weighted, formulas.added, formulas.cross_added, formulas.motion
+    weighted, added, cross_added, motion = formulas.weighted, formulas.added, formulas.cross_added, formulas.motion
     zero, one, lanes, momenta, pitch = real(0), np.int32(1), np.int32(LANES), np.int32(MOMENTA), np.int32(PITCH)
 
     def gather(position, velocity, starts, firsts, indices, members, leans, motions):
@@ -48,7 +48,11 @@ def make_gather(real: Any, math: str) -> Any:
                 wx, wy, wz = weighted(m[3], p[0], f[0]), weighted(m[3], p[1], f[1]), weighted(m[3], p[2], f[2])
                 ux, uy, uz = weighted(m[3], q[0], g[0]), weighted(m[3], q[1], g[1]), weighted(m[3], q[2], g[2])
                 x, y, z, u, v, w = x + wx, y + wy, z + wz, u + ux, v + uy, w + uz
-                lx, ly, lz = turned(lx, dy, uz, dz, uy), turned(ly, dz, ux, dx, uz), turned(lz, dx, uy, dy, ux)
+                lx, ly, lz = (
+                    cross_added(lx, dy, uz, dz, uy),
+                    cross_added(ly, dz, ux, dx, uz),
+                    cross_added(lz, dx, uy, dy, ux),
+                )
                 xx, yy, zz = added(xx, wx, dx), added(yy, wy, dy), added(zz, wz, dz)
                 xy, xz, yz = added(xy, wx, dy), added(xz, wx, dz), added(yz, wy, dz)
         base = np.int32(place * momenta * pitch)
@@ -64,15 +68,15 @@ def make_gather(real: Any, math: str) -> Any:
             shared[k] = lane_sum(shared, k)
         cuda.syncthreads()
         if c < clusters and lane == 0:
-            f, g, lean, row = (
+            f, g, rest_offset, row = (
                 load_quad(position, firsts[c]), load_quad(velocity, firsts[c]), load_quad(leans, c), ROWS * c,
             )  # fmt: skip
             cx, cy, cz, vx, vy, vz, ox, oy, oz = motion(
                 shared[base], shared[base + pitch], shared[base + 2 * pitch], shared[base + 3 * pitch],
                 shared[base + 4 * pitch], shared[base + 5 * pitch], shared[base + 6 * pitch], shared[base + 7 * pitch],
-                shared[base + 8 * pitch], shared[base + 9 * pitch], shared[base + 10 * pitch], shared[base + 11 * pitch],
-                shared[base + 12 * pitch], shared[base + 13 * pitch], shared[base + 14 * pitch], lean[3], f[0], f[1], f[2],
-                g[0], g[1], g[2],
+                shared[base + 8 * pitch], shared[base + 9 * pitch], shared[base + 10 * pitch],
+                shared[base + 11 * pitch], shared[base + 12 * pitch], shared[base + 13 * pitch],
+                shared[base + 14 * pitch], rest_offset[3], f[0], f[1], f[2], g[0], g[1], g[2],
             )  # fmt: skip
             store_quad(motions, row, cx, cy, cz, zero)
             store_quad(motions, row + 1, vx, vy, vz, zero)
@@ -83,15 +87,15 @@ def make_gather(real: Any, math: str) -> Any:
 
 @cache
 def make_slow(real: Any, math: str) -> Any:
-    """Make slow_mass(p, v, k, own_starts, own_clusters, slowing, motions) -> (vx, vy, vz): particle k at p with
+    """Make slow_mass(p, v, k, particle_starts, particle_clusters, slowing, motions) -> (vx, vy, vz): particle k at p with
     velocity v."""
     slowed, zero, one = device_formulas(pace.make, real, math).slowed, real(0), np.int32(1)
 
     @inlined(math)
-    def slow_mass(p, v, k, own_starts, own_clusters, slowing, motions):
+    def slow_mass(p, v, k, particle_starts, particle_clusters, slowing, motions):
         x, y, z = zero, zero, zero
-        for n in range(own_starts[k], own_starts[k + one]):
-            row, factor = np.int32(ROWS * own_clusters[n]), slowing[n]
+        for n in range(particle_starts[k], particle_starts[k + one]):
+            row, factor = np.int32(ROWS * particle_clusters[n]), slowing[n]
             c, u, o = load_quad(motions, row), load_quad(motions, row + 1), load_quad(motions, row + 2)
             dx, dy, dz = p[0] - c[0], p[1] - c[1], p[2] - c[2]
             x = slowed(x, factor, u[0], o[1], dz, o[2], dy, v[0])
@@ -106,42 +110,44 @@ def make_slow(real: Any, math: str) -> Any:
 def make_damping_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Compile the kernels that end a substep with damped clusters, before and after `gather`: `rate`, `slow`, `finish`.
 
-    `rate(before, position, velocity, own_starts, own_clusters, own_members, frames, parameters)`: the last iteration's
-    displacement to the goals, and velocities; `slow(position, velocity, own_starts, own_clusters, slowing, motions)`;
-    and `finish(before, position, velocity, own_starts, own_clusters, slowing, motions, record, bodies, integers,
+    `rate(before, position, velocity, particle_starts, particle_clusters, particle_members, frames,
+    parameters)`: the last iteration's
+    displacement to the goals, and velocities; `slow(position, velocity, particle_starts, particle_clusters, slowing,
+    motions)`;
+    and `finish(before, position, velocity, particle_starts, particle_clusters, slowing, motions, record, bodies, integers,
     counter, place, substeps, substep)`, the same and colliders.
     """
     points = make_motion(real, math, parts, AXES)
     rate_of, collide = points.rate_of, points.collide
     move_mass, slow_mass, clock, zero = make_move(real, math), make_slow(real, math), make_clock(math, parts), real(0)
 
-    def rate(before, position, velocity, own_starts, own_clusters, own_members, frames, record):
+    def rate(before, position, velocity, particle_starts, particle_clusters, particle_members, frames, record):
         parameters = record[0]
         k = np.int32(cuda.grid(1))
         if k < position.size // SIZE:
             b, p = load_quad(before, k), load_quad(position, k)
-            x, y, z = move_mass(p, k, own_starts, own_clusters, own_members, frames)
+            x, y, z = move_mass(p, k, particle_starts, particle_clusters, particle_members, frames)
             vx, vy, vz = rate_of((x, y, z, p[3]), b, parameters)
             store_quad(position, k, x, y, z, b[3])
             store_quad(velocity, k, vx, vy, vz, zero)
 
-    def slow(position, velocity, own_starts, own_clusters, slowing, motions):
+    def slow(position, velocity, particle_starts, particle_clusters, slowing, motions):
         k = np.int32(cuda.grid(1))
         if k < position.size // SIZE:
             p, v = load_quad(position, k), load_quad(velocity, k)
-            vx, vy, vz = slow_mass(p, v, k, own_starts, own_clusters, slowing, motions)
+            vx, vy, vz = slow_mass(p, v, k, particle_starts, particle_clusters, slowing, motions)
             store_quad(velocity, k, vx, vy, vz, zero)
 
     def finish(
-        before, position, velocity, own_starts, own_clusters, slowing, motions, record, bodies, integers, counter, place,
-        substeps, substep,
+        before, position, velocity, particle_starts, particle_clusters, slowing, motions, record, bodies, integers,
+        counter, place, substeps, substep,
     ):  # fmt: skip
         world = World(record[0], bodies, integers)
         k = np.int32(cuda.grid(1))
         if k < position.size // SIZE:
             _, number = clock(counter, place, substeps, substep)
             b, p, v = load_quad(before, k), load_quad(position, k), load_quad(velocity, k)
-            vx, vy, vz = slow_mass(p, v, k, own_starts, own_clusters, slowing, motions)
+            vx, vy, vz = slow_mass(p, v, k, particle_starts, particle_clusters, slowing, motions)
             px, py, pz, vx, vy, vz = collide(b, p, vx, vy, vz, world, number)
             store_quad(position, k, px, py, pz, b[3])
             store_quad(velocity, k, vx, vy, vz, zero)

@@ -52,12 +52,13 @@ def make_bodies_clusters(real: Any, math: str) -> SimpleNamespace:
     """Compile `sum_up`, `turn` and `move`.
 
     `sum_up(position, starts, firsts, indices, members, sums)`: the moments of all clusters, in blocks of THREADS;
-    `turn(position, firsts, leans, sums, rotation, turned, frames)`: their rotations, from `rotation` into `turned`, and
-    their frames; `move(position, own_starts, own_clusters, own_members, frames)`: particles, in place.
+    `turn(position, firsts, leans, sums, rotation, new_rotation, frames)`: their rotations,
+    from `rotation` into `new_rotation`, and
+    their frames; `move(position, particle_starts, particle_clusters, particle_members, frames)`: particles, in place.
     """
     formulas, turns = device_formulas(cluster.make, real, math), device_formulas(rotation.make, real, math)
     weighted, added, lane_sum = formulas.weighted, formulas.added, make_lane_sum(real, math)
-    upright, centre = formulas.corrected, formulas.centre
+    corrected, centre = formulas.corrected, formulas.centre
     rotation_3d, matrix_of = turns.rotation_3d, turns.matrix_of
     move_mass = make_move(real, math)
     zero, one, lanes, moments, pitch = real(0), np.int32(1), np.int32(LANES), np.int32(MOMENTS), np.int32(PITCH)
@@ -91,29 +92,30 @@ def make_bodies_clusters(real: Any, math: str) -> SimpleNamespace:
             k = np.int32(base + lane * pitch)
             sums[c * moments + lane] = lane_sum(shared, k)
 
-    def turn(position, firsts, leans, sums, rotation, turned, frames):
+    def turn(position, firsts, leans, sums, rotation, new_rotation, frames):
         c = np.int32(cuda.grid(1))
         if c < firsts.size:
             first, q, k = load_quad(position, firsts[c]), load_quad(rotation, c), np.int32(moments * c)
-            lean, wx, wy, wz = load_quad(leans, c), sums[k], sums[k + 1], sums[k + 2]
+            rest_offset, wx, wy, wz = load_quad(leans, c), sums[k], sums[k + 1], sums[k + 2]
             w, x, y, z = rotation_3d(
-                upright(sums[k + 3], wx, lean[0]), upright(sums[k + 4], wx, lean[1]), upright(sums[k + 5], wx, lean[2]),
-                upright(sums[k + 6], wy, lean[0]), upright(sums[k + 7], wy, lean[1]), upright(sums[k + 8], wy, lean[2]),
-                upright(sums[k + 9], wz, lean[0]), upright(sums[k + 10], wz, lean[1]), upright(sums[k + 11], wz, lean[2]),
-                q[0], q[1], q[2], q[3],
+                corrected(sums[k + 3], wx, rest_offset[0]), corrected(sums[k + 4], wx, rest_offset[1]),
+                corrected(sums[k + 5], wx, rest_offset[2]), corrected(sums[k + 6], wy, rest_offset[0]),
+                corrected(sums[k + 7], wy, rest_offset[1]), corrected(sums[k + 8], wy, rest_offset[2]),
+                corrected(sums[k + 9], wz, rest_offset[0]), corrected(sums[k + 10], wz, rest_offset[1]),
+                corrected(sums[k + 11], wz, rest_offset[2]), q[0], q[1], q[2], q[3],
             )  # fmt: skip
-            store_quad(turned, c, w, x, y, z)
+            store_quad(new_rotation, c, w, x, y, z)
             xx, xy, xz, yx, yy, yz, zx, zy, zz = matrix_of(w, x, y, z)
-            row, mass, a, b, d = np.int32(ROWS * c), lean[3], lean[0], lean[1], lean[2]
+            row, mass, a, b, d = np.int32(ROWS * c), rest_offset[3], rest_offset[0], rest_offset[1], rest_offset[2]
             store_quad(frames, row, xx, xy, xz, centre(first[0], wx, mass, xx, xy, xz, a, b, d))
             store_quad(frames, row + 1, yx, yy, yz, centre(first[1], wy, mass, yx, yy, yz, a, b, d))
             store_quad(frames, row + 2, zx, zy, zz, centre(first[2], wz, mass, zx, zy, zz, a, b, d))
 
-    def move(position, own_starts, own_clusters, own_members, frames):
+    def move(position, particle_starts, particle_clusters, particle_members, frames):
         k = np.int32(cuda.grid(1))
         if k < position.size // SIZE:
             p = load_quad(position, k)
-            x, y, z = move_mass(p, k, own_starts, own_clusters, own_members, frames)
+            x, y, z = move_mass(p, k, particle_starts, particle_clusters, particle_members, frames)
             store_quad(position, k, x, y, z, p[3])
 
     name = f"bodies_{variant_name(real, math)}"
@@ -121,23 +123,24 @@ def make_bodies_clusters(real: Any, math: str) -> SimpleNamespace:
 
 
 @cache
-def make_move(real: Any, math: str, ways: bool = False) -> Any:
-    """Make move_mass(p, k, own_starts, own_clusters, own_members, frames) -> (x, y, z): particle k, at p, moved towards
-    its goals; with `ways` only its displacement."""
+def make_move(real: Any, math: str, stores_displacement: bool = False) -> Any:
+    """Make move_mass(p, k, particle_starts, particle_clusters, particle_members, frames) -> (x, y, z): particle k,
+    at p, moved towards
+    its goals; with `stores_displacement` only its displacement."""
     formulas = device_formulas(cluster.make, real, math)
-    goal, added_way, arrived = formulas.goal, formulas.displacement_added, formulas.arrived
+    goal, displacement_added, arrived = formulas.goal, formulas.displacement_added, formulas.arrived
     zero, one = real(0), np.int32(1)
 
     @inlined(math)
-    def move_mass(p, k, own_starts, own_clusters, own_members, frames):
+    def move_mass(p, k, particle_starts, particle_clusters, particle_members, frames):
         x, y, z = zero, zero, zero
-        for n in range(own_starts[k], own_starts[k + one]):
-            m, row = load_quad(own_members, n), np.int32(ROWS * own_clusters[n])
+        for n in range(particle_starts[k], particle_starts[k + one]):
+            m, row = load_quad(particle_members, n), np.int32(ROWS * particle_clusters[n])
             a, b, c = load_quad(frames, row), load_quad(frames, row + 1), load_quad(frames, row + 2)
-            x = added_way(x, m[3], goal(a[3], a[0], a[1], a[2], m[0], m[1], m[2]), p[0])
-            y = added_way(y, m[3], goal(b[3], b[0], b[1], b[2], m[0], m[1], m[2]), p[1])
-            z = added_way(z, m[3], goal(c[3], c[0], c[1], c[2], m[0], m[1], m[2]), p[2])
-        if ways:
+            x = displacement_added(x, m[3], goal(a[3], a[0], a[1], a[2], m[0], m[1], m[2]), p[0])
+            y = displacement_added(y, m[3], goal(b[3], b[0], b[1], b[2], m[0], m[1], m[2]), p[1])
+            z = displacement_added(z, m[3], goal(c[3], c[0], c[1], c[2], m[0], m[1], m[2]), p[2])
+        if stores_displacement:
             return x, y, z
         return arrived(p[0], x), arrived(p[1], y), arrived(p[2], z)
 
@@ -148,12 +151,17 @@ def make_move(real: Any, math: str, ways: bool = False) -> Any:
 def make_bodies_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Compile `begin` and `finish`, start and end of a substep.
 
-    `begin(position, velocity, predicted, parameters, integers)`; `finish(before, position, velocity, own_starts,
-    own_clusters, own_members, frames, record, bodies, integers, counter, place, substeps, substep)`: the last
+    `begin(position, velocity, predicted, parameters, integers)`; `finish(before, position, velocity, particle_starts,
+    particle_clusters, particle_members, frames, record, bodies, integers, counter, place, substeps, substep)`: the last
     iteration's displacement to the goals, velocities, colliders.
     """
     forces, motion = make_forces(real, math, parts), make_motion(real, math, parts, AXES)
-    add_gravity, add_own, predict, settle = forces.add_gravity, forces.add_own, motion.predict, motion.settle
+    add_gravity, add_particle_force, predict, settle = (
+        forces.add_gravity,
+        forces.add_particle_force,
+        motion.predict,
+        motion.settle,
+    )
     move_mass, clock, zero = make_move(real, math), make_clock(math, parts), real(0)
     no_step = np.int64(0)  # no force on bodies depends on it
 
@@ -163,20 +171,20 @@ def make_bodies_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
         if k < position.size // SIZE:
             p, v = load_quad(position, k), load_quad(velocity, k)
             ax, ay, az = add_gravity(zero, zero, zero, parameters)
-            ax, ay, az = add_own(ax, ay, az, k, p[3], parameters, integers, no_step)
+            ax, ay, az = add_particle_force(ax, ay, az, k, p[3], parameters, integers, no_step)
             x, y, z = predict(p, v, ax, ay, az, parameters)
             store_quad(predicted, k, x, y, z, p[3])
 
     def finish(
-        before, position, velocity, own_starts, own_clusters, own_members, frames, record, bodies, integers, counter, place,
-        substeps, substep,
+        before, position, velocity, particle_starts, particle_clusters, particle_members, frames, record, bodies,
+        integers, counter, place, substeps, substep,
     ):  # fmt: skip
         world = World(record[0], bodies, integers)
         k = np.int32(cuda.grid(1))
         if k < position.size // SIZE:
             _, number = clock(counter, place, substeps, substep)
             b, p = load_quad(before, k), load_quad(position, k)
-            x, y, z = move_mass(p, k, own_starts, own_clusters, own_members, frames)
+            x, y, z = move_mass(p, k, particle_starts, particle_clusters, particle_members, frames)
             px, py, pz, vx, vy, vz = settle(b, (x, y, z, p[3]), world, number)
             store_quad(position, k, px, py, pz, b[3])
             store_quad(velocity, k, vx, vy, vz, zero)

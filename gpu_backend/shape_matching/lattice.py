@@ -32,13 +32,13 @@ def lattice_bytes(body_set: BodySet, item: int) -> int:
 
 
 class Lattices:
-    """The lattices of a body set. `rotation` and `turned` (clusters, 4) flat, `frames` as those of other clusters."""
+    """The lattices of a body set. `rotation` and `new_rotation` (clusters, 4) flat, `frames` as those of other clusters."""
 
     def __init__(self, body_set: BodySet, real: Any, math: str, stream: Any):
         self.copies, self.real, self.stream = body_set.lattices, real, stream
         self.clusters = sum(one.copies * one.lattice.size for one in self.copies)
         self.rotation: Any = None
-        self.turned: Any = None
+        self.view_rotation: Any = None
         self.frames: Any = None
         self._numbers: list[np.ndarray] = []
         self._tables: list[Any] = []
@@ -48,7 +48,7 @@ class Lattices:
             return
         self._kernels = make_lattice_kernels(real, math)
         self._one, self._other = (self._zeros(PLANES * self.clusters) for _ in range(2))
-        self.rotation, self.turned, self._kept = (self._zeros(SIZE * self.clusters) for _ in range(3))
+        self.rotation, self.view_rotation, self._snapshot = (self._zeros(SIZE * self.clusters) for _ in range(3))
         self.frames = self._zeros(FRAME * self.clusters)
         begin = 0
         for one in self.copies:
@@ -61,7 +61,7 @@ class Lattices:
             self._tables.append(self._on_device(np.concatenate(tables)))
             self._values.append(self._zeros(VALUES))
             begin += one.copies * one.lattice.size
-        self._held = [self._on_device(numbers) for numbers in self._numbers]
+        self._values_on_device = [self._on_device(numbers) for numbers in self._numbers]
 
     def _on_device(self, array: np.ndarray) -> Any:
         return cuda.to_device(np.ascontiguousarray(array), stream=self.stream)
@@ -74,29 +74,29 @@ class Lattices:
         """Number of launches of an iteration."""
         return 7 * len(self.copies)
 
-    def keep(self) -> None:
+    def store(self) -> None:
         if self.copies:
-            self._kept.copy_to_device(self.rotation, stream=self.stream)
+            self._snapshot.copy_to_device(self.rotation, stream=self.stream)
 
     def restore(self) -> None:
         if self.copies:
-            self.rotation.copy_to_device(self._kept, stream=self.stream)
+            self.rotation.copy_to_device(self._snapshot, stream=self.stream)
 
     def settle(self) -> None:
         """Take the rotations of the last look as the state's."""
         if self.copies:
-            self.rotation.copy_to_device(self.turned, stream=self.stream)
+            self.rotation.copy_to_device(self.view_rotation, stream=self.stream)
 
     def change(self, method: Method) -> None:
         """Apply a changed step length."""
-        for one, held in zip(self.copies, self._values, strict=True):
+        for one, stored in zip(self.copies, self._values, strict=True):
             values = one.values(method.dt / method.substeps, method.iterations).astype(self.real)
-            held.copy_to_device(values, stream=self.stream)
+            stored.copy_to_device(values, stream=self.stream)
 
     def _launch(self, kernel: Any, n: int, threads: int, *arrays: Any) -> None:
         blocks = max(1, -(-threads // THREADS))
         kernel[blocks, THREADS, self.stream](
-            self._held[n], self._values[n], self._tables[n], np.int32(self.clusters), *arrays
+            self._values_on_device[n], self._values[n], self._tables[n], np.int32(self.clusters), *arrays
         )
 
     def _scan(self, kernel: Any, n: int, axis: int, *arrays: Any) -> None:
@@ -109,8 +109,8 @@ class Lattices:
         threads = counts[0] * counts[1] * counts[2] * numbers[N_COPIES]
         self._launch(kernel, n, threads, *arrays, np.int32(span))
 
-    def match(self, position: Any, turned: Any, look: bool = False) -> None:
-        """Compute all lattices' rotations at `position`, from those of the state into `turned`; with `look` their
+    def match(self, position: Any, new_rotation: Any, for_view: bool = False) -> None:
+        """Compute all lattices' rotations at `position`, from those of the state into `new_rotation`; with `for_view` their
         frames, else the arrays that `move` needs."""
         run = self._kernels
         for n, one in enumerate(self.copies):
@@ -118,7 +118,7 @@ class Lattices:
             self._launch(run.sum_lines, n, each, position, self._one)
             self._scan(run.sum_slices, n, 1, position, self._one, self._other)
             self._scan(run.sum_windows, n, 2, position, self._other, self._one)
-            self._launch(run.turn, n, each, position, self._one, self.rotation, turned, self.frames, look)
+            self._launch(run.turn, n, each, position, self._one, self.rotation, new_rotation, self.frames, for_view)
 
     def move(self, position: Any) -> None:
         """Move the masses of all lattices, in place, after `match`."""

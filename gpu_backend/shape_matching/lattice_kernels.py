@@ -46,8 +46,8 @@ def make_lattice_kernels(real: Any, math: str) -> SimpleNamespace:
     rotations; `goal_slices(..., out, span)`, `goal_lines(..., out, span)`: displacements, positions; `move_lines(...)`:
     masses.
     """
-    found = [*_lines(real, math), *_moments(real, math), _turn(real, math), *_goals(real, math)]
-    return make_kernels(found, f"lattice_{variant_name(real, math)}", **kernel_options(math))
+    kernels = [*_lines(real, math), *_moments(real, math), _turn(real, math), *_goals(real, math)]
+    return make_kernels(kernels, f"lattice_{variant_name(real, math)}", **kernel_options(math))
 
 
 def _lines(real: Any, math: str) -> tuple[Any, ...]:
@@ -67,10 +67,10 @@ def _lines(real: Any, math: str) -> tuple[Any, ...]:
             for other in range(max(np.int32(0), k - region), min(nx, k + region + 1)):
                 if other != k:
                     p = load_quad(position, np.int32(first + other))
-                    share = tables[numbers[N_TABLE_X] + T_WEIGHT * nx + other]
+                    weight = tables[numbers[N_TABLE_X] + T_WEIGHT * nx + other]
                     away = lever(real(other - k), tables[numbers[N_TABLE_X] + T_CENTRE * nx + k])
-                    a, b = part_of(share, p[0], here[0]), part_of(share, p[1], here[1])
-                    c = part_of(share, p[2], here[2])
+                    a, b = part_of(weight, p[0], here[0]), part_of(weight, p[1], here[1])
+                    c = part_of(weight, p[2], here[2])
                     x, y, z = x + a, y + b, z + c
                     xx, yx, zx = added_turn(xx, a, away), added_turn(yx, b, away), added_turn(zx, c, away)
             out[place], out[total + place], out[2 * total + place] = x, y, z
@@ -96,12 +96,12 @@ def _lines(real: Any, math: str) -> tuple[Any, ...]:
                 x = added_goal(x, source[at], count, px, here[0], along, source[3 * total + at])
                 y = added_goal(y, source[total + at], count, py, here[1], along, source[4 * total + at])
                 z = added_goal(z, source[2 * total + at], count, pz, here[2], along, source[5 * total + at])
-            share_x, share_y = tables[at_x + T_WEIGHT * nx + k], tables[at_y + T_WEIGHT * ny + j]
-            share_z, matching = tables[at_z + T_WEIGHT * nz + deep], values[V_MATCHING]
+            weight_x, weight_y = tables[at_x + T_WEIGHT * nx + k], tables[at_y + T_WEIGHT * ny + j]
+            weight_z, matching = tables[at_z + T_WEIGHT * nz + deep], values[V_MATCHING]
             store_quad(
-                position, np.int32(first + k), moved(here[0], x, share_x, share_y, share_z, matching),
-                moved(here[1], y, share_x, share_y, share_z, matching),
-                moved(here[2], z, share_x, share_y, share_z, matching), here[3],
+                position, np.int32(first + k), moved(here[0], x, weight_x, weight_y, weight_z, matching),
+                moved(here[1], y, weight_x, weight_y, weight_z, matching),
+                moved(here[2], z, weight_x, weight_y, weight_z, matching), here[3],
             )  # fmt: skip
 
     return sum_lines, move_lines
@@ -115,7 +115,7 @@ def _moments(real: Any, math: str) -> tuple[Any, ...]:
     def make_scan(name: str, upwards: bool) -> Any:
         """Make the scan along z if `upwards`, of sums over slices, else along y, of sums along rows."""
         turns = 2 if upwards else 1  # computed so far
-        own, sums = AXES * (turns + 1), AXES * (turns + 2)
+        rows_before, sums = AXES * (turns + 1), AXES * (turns + 2)
 
         def scan(numbers, values, tables, total, position, source, out, span):
             t, nx, ny, nz = np.int32(cuda.grid(1)), numbers[N_X], numbers[N_Y], numbers[N_Z]
@@ -151,13 +151,15 @@ def _moments(real: Any, math: str) -> tuple[Any, ...]:
                         last = np.int32(min(n - 1, i + region) if half else max(np.int32(0), i - region))
                         while (j <= last) if half else (j >= last):
                             p, here = load_quad(position, np.int32(first + j * pitch)), np.int32(place + j * pitch)
-                            share, away = tables[at + T_WEIGHT * n + j], real(j - b)
+                            row_weight, away = tables[at + T_WEIGHT * n + j], real(j - b)
                             for axis in range(AXES):
-                                part = part_of_row(share, source[axis * total + here], heavy, p[axis], reference[axis])
+                                part = part_of_row(
+                                    row_weight, source[axis * total + here], heavy, p[axis], reference[axis]
+                                )
                                 s[axis] = s[axis] + part
-                                s[own + axis] = added_turn(s[own + axis], part, away)
-                            for m in range(AXES, own):
-                                s[m] = added_turn(s[m], source[m * total + here], share)
+                                s[rows_before + axis] = added_turn(s[rows_before + axis], part, away)
+                            for m in range(AXES, rows_before):
+                                s[m] = added_turn(s[m], source[m * total + here], row_weight)
                             j = np.int32(j + 1 if half else j - 1)
                         here = np.int32(place + i * pitch)
                         if half == 0:
@@ -169,10 +171,10 @@ def _moments(real: Any, math: str) -> tuple[Any, ...]:
                             its = heavy * tables[at + T_MASS * n + i]
                             for axis in range(AXES):
                                 whole = out[axis * total + here] + s[axis]
-                                turn = out[(own + axis) * total + here] + s[own + axis]
-                                out[(own + axis) * total + here] = added_turn(turn, whole, far)
+                                turn = out[(rows_before + axis) * total + here] + s[rows_before + axis]
+                                out[(rows_before + axis) * total + here] = added_turn(turn, whole, far)
                                 out[axis * total + here] = shifted(whole, its, reference[axis], p[axis])
-                            for m in range(AXES, own):
+                            for m in range(AXES, rows_before):
                                 out[m * total + here] = out[m * total + here] + s[m]
 
         scan.__name__ = name
@@ -186,7 +188,7 @@ def _turn(real: Any, math: str) -> Any:
     centre, entry, rotation_3d, matrix_of = formulas.centre, formulas.entry, turns.rotation_3d, turns.matrix_of
     first = np.int32(V_TURN)
 
-    def turn(numbers, values, tables, total, position, source, rotation, turned, frames, look):
+    def turn(numbers, values, tables, total, position, source, rotation, new_rotation, frames, for_view):
         t, nx, ny, nz = np.int32(cuda.grid(1)), numbers[N_X], numbers[N_Y], numbers[N_Z]
         size = np.int32(nx * ny * nz)
         if t < size * numbers[N_COPIES]:
@@ -205,13 +207,13 @@ def _turn(real: Any, math: str) -> Any:
                 entry(zx, zy, zz, ta, tb, tc), entry(zx, zy, zz, td, te, tf), entry(zx, zy, zz, tg, th, ti),
                 q[0], q[1], q[2], q[3],
             )  # fmt: skip
-            store_quad(turned, c, w, x, y, z)
+            store_quad(new_rotation, c, w, x, y, z)
             xx, xy, xz, yx, yy, yz, zx, zy, zz = matrix_of(w, x, y, z)
             of_slice = tables[numbers[N_TABLE_X] + T_INVERSE * nx + k] * tables[numbers[N_TABLE_Y] + T_INVERSE * ny + j]
             of_z = tables[numbers[N_TABLE_Z] + T_INVERSE * nz + deep]
             a, b = centre(source[c], of_slice, of_z), centre(source[total + c], of_slice, of_z)
             d = centre(source[2 * total + c], of_slice, of_z)
-            if look:
+            if for_view:
                 p, row = load_quad(position, np.int32(numbers[N_FIRST] + t)), np.int32(AXES * c)
                 store_quad(frames, row, xx, xy, xz, p[0] + a)
                 store_quad(frames, np.int32(row + 1), yx, yy, yz, p[1] + b)
@@ -238,8 +240,8 @@ def _goals(real: Any, math: str) -> tuple[Any, ...]:
 
     def make_scan(name: str, upwards: bool) -> Any:
         """Make the scan of clusters along z (`upwards`), or of their sums along y; without rotations' last column."""
-        own = AXES * (3 if upwards else 2)
-        sums = own + AXES
+        rows_before = AXES * (3 if upwards else 2)
+        sums = rows_before + AXES
 
         def scan(numbers, values, tables, total, position, source, out, span):
             t, nx, ny, nz = np.int32(cuda.grid(1)), numbers[N_X], numbers[N_Y], numbers[N_Z]
@@ -276,12 +278,12 @@ def _goals(real: Any, math: str) -> tuple[Any, ...]:
                             p, here = load_quad(position, np.int32(first + j * pitch)), np.int32(place + j * pitch)
                             along = lever(real(b - j), tables[at + T_CENTRE * n + j]) * spacing
                             for axis in range(AXES):
-                                column = source[(own + axis) * total + here]
+                                column = source[(rows_before + axis) * total + here]
                                 s[axis] = added_goal(
                                     s[axis], source[axis * total + here], count, p[axis], reference[axis], along, column
                                 )
-                                s[own + axis] = s[own + axis] + column
-                            for m in range(AXES, own):
+                                s[rows_before + axis] = s[rows_before + axis] + column
+                            for m in range(AXES, rows_before):
                                 s[m] = s[m] + source[m * total + here]
                             j = np.int32(j + 1 if half else j - 1)
                         here = np.int32(place + i * pitch)
@@ -295,12 +297,12 @@ def _goals(real: Any, math: str) -> tuple[Any, ...]:
                                 for axis in range(AXES):
                                     out[(PLANES - AXES + axis) * total + here] = p[axis]
                             for axis in range(AXES):
-                                way = out[axis * total + here] + s[axis]
-                                column = out[(own + axis) * total + here] + s[own + axis]
+                                displacement = out[axis * total + here] + s[axis]
+                                column = out[(rows_before + axis) * total + here] + s[rows_before + axis]
                                 out[axis * total + here] = ended(
-                                    way, all_of_it, reference[axis], p[axis], real(i - b) * spacing, column
+                                    displacement, all_of_it, reference[axis], p[axis], real(i - b) * spacing, column
                                 )
-                            for m in range(AXES, own):
+                            for m in range(AXES, rows_before):
                                 out[m * total + here] = out[m * total + here] + s[m]
 
         scan.__name__ = name

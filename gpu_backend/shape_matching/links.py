@@ -29,8 +29,8 @@ class DeviceLinks:
 
     def _of(self, method: Method) -> np.ndarray:
         """Return (2 * links,): rest lengths, compliances."""
-        found: np.ndarray = self._body_set.links.values(method.dt / method.substeps, self._body_set.mass)
-        return pack(found.astype(self._real))
+        values: np.ndarray = self._body_set.links.values(method.dt / method.substeps, self._body_set.mass)
+        return pack(values.astype(self._real))
 
     def change(self, method: Method) -> None:
         """Update the values that depend on the length of a substep."""

@@ -21,7 +21,7 @@ from softlab.model.assets.lattice import matching_axis
 from softlab.model.formulas.shape_matching import grid as shape_matching
 from softlab.model.scene.scene import Scene
 
-SHARE, INVERSE, CENTRE, MASS, COUNT = range(5)  # of a table (5, rows or columns), model/shape_matching/matching.py
+WEIGHT, INVERSE, CENTRE, MASS, COUNT = range(5)  # of a table (5, rows or columns), model/shape_matching/matching.py
 
 
 @cache
@@ -30,15 +30,15 @@ def make_matching(real: Any, math: str, region: int) -> SimpleNamespace:
     row_table, column_table, record, rows, columns)`, from `position` to `target` (quads); pinned masses, of weight 0,
     stay."""
     formulas = device_formulas(shape_matching.make, real, math)
-    added_member, added_row, found = formulas.added_member, formulas.added_row, formulas.cluster
+    added_member, added_row, cluster = formulas.added_member, formulas.added_row, formulas.cluster
     rest_offset, added_goal, added_goal_row = formulas.rest_offset, formulas.added_goal, formulas.added_goal_row
     moved, inline, lattice = formulas.moved, inlined(math), make_place(math)
-    zero, one, reach = real(0), np.int32(1), np.int32(region)
+    zero, one, half_width = real(0), np.int32(1), np.int32(region)
 
     @inline
     def window(i, count):
         """Return (first, behind the last) of the window of `i`."""
-        return max(np.int32(0), np.int32(i - reach)), min(count, np.int32(i + reach + one))
+        return max(np.int32(0), np.int32(i - half_width)), min(count, np.int32(i + half_width + one))
 
     def match(position, clusters, row_table, table, rows, columns):
         i, j = lattice()
@@ -55,15 +55,15 @@ def make_matching(real: Any, math: str, region: int) -> SimpleNamespace:
                     if k != j:
                         p = load_quad(position, np.int32(row * columns + k))
                         sum_x, sum_y, turn_x, turn_y = added_member(
-                            sum_x, sum_y, turn_x, turn_y, p[0], p[1], middle[0], middle[1], table[SHARE, k],
+                            sum_x, sum_y, turn_x, turn_y, p[0], p[1], middle[0], middle[1], table[WEIGHT, k],
                             real(np.int32(k - j)), table[CENTRE, j],
                         )  # fmt: skip
                 down = real(np.int32(row - i)) - row_table[CENTRE, i]
                 sums = added_row(
                     sums, sum_x, sum_y, turn_x, turn_y, middle[0], middle[1], here[0], here[1], table[MASS, j],
-                    row_table[SHARE, row], down,
+                    row_table[WEIGHT, row], down,
                 )  # fmt: skip
-            x, y, cosine, sine = found(sums, here[0], here[1], row_table[INVERSE, i], table[INVERSE, j])
+            x, y, cosine, sine = cluster(sums, here[0], here[1], row_table[INVERSE, i], table[INVERSE, j])
             store_quad(clusters, np.int32(i * columns + j), x, y, cosine, sine)
 
     def move(position, target, clusters, row_table, table, record, rows, columns):
@@ -73,7 +73,7 @@ def make_matching(real: Any, math: str, region: int) -> SimpleNamespace:
         if i < rows and j < columns:
             k = np.int32(i * columns + j)
             p = load_quad(position, k)
-            way_x, way_y, rest = zero, zero, parameters.matching_rest
+            displacement_x, displacement_y, rest = zero, zero, parameters.matching_rest
             top, bottom = window(i, rows)
             left, right = window(j, columns)
             for row in range(top, bottom):
@@ -87,14 +87,14 @@ def make_matching(real: Any, math: str, region: int) -> SimpleNamespace:
                         along = rest_offset(real(np.int32(j - column)), table[CENTRE, column], rest)
                         sums = added_goal(sums, c[0], c[1], middle[0], middle[1], c[2], c[3], along)
                 down = rest_offset(real(np.int32(i - row)), row_table[CENTRE, row], rest)
-                way_x, way_y = added_goal_row(
-                    way_x, way_y, sums, p[0], p[1], middle[0], middle[1], table[COUNT, j], down
+                displacement_x, displacement_y = added_goal_row(
+                    displacement_x, displacement_y, sums, p[0], p[1], middle[0], middle[1], table[COUNT, j], down
                 )
             x, y = p[0], p[1]
             if p[3] != zero:
-                share, matching = table[SHARE, j], parameters.matching
-                x = moved(x, row_table[SHARE, i], share, matching, way_x)
-                y = moved(y, row_table[SHARE, i], share, matching, way_y)
+                weight, matching = table[WEIGHT, j], parameters.matching
+                x = moved(x, row_table[WEIGHT, i], weight, matching, displacement_x)
+                y = moved(y, row_table[WEIGHT, i], weight, matching, displacement_y)
             store_quad(target, k, x, y, p[2], p[3])
 
     name = f"matching_{variant_name(real, math, region)}"

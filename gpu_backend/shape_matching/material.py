@@ -17,21 +17,24 @@ from softlab.model.tables.method import Method
 
 
 class ClusterMaterial:
-    """Material of `clusters`, for the scene's `parts`. `own` (entries,): entries in the particles' order. `plastic`:
-    the state's strains, three quads per cluster, rows; `bent`: those of a look at the state."""
+    """Material of `clusters`,
+    for the scene's `parts`. `particle_order` (entries,): entries in the particles' order. `plastic`: the state's strains,
+    three quads per cluster, rows; `bent`: those of a look at the state."""
 
-    def __init__(self, clusters: Clusters, own: np.ndarray, parts: frozenset[str], real: Any, math: str, stream: Any):
-        self._clusters, self._own, self._real, self._stream = clusters, own, real, stream
+    def __init__(
+        self, clusters: Clusters, particle_order: np.ndarray, parts: frozenset[str], real: Any, math: str, stream: Any
+    ):
+        self._clusters, self._particle_order, self._real, self._stream = clusters, particle_order, real, stream
         self.shaped, self.plastic_parts, self.damped = shaping(parts), "plastic" in parts, "cluster_damping" in parts
         count = ROWS * SIZE * clusters.count
         if self.shaped:
             self._turn = make_shaped_turn(real, math, self.shaped)
             self._shapes, length = self._zeros(count), count if self.plastic_parts else 1
-            self._plastic, self._kept, self._bent = (self._zeros(length) for _ in range(3))
+            self._plastic, self._snapshot, self._bent = (self._zeros(length) for _ in range(3))
             self.upload(None)
         if self.damped:
             self._gather, self.ends = make_gather(real, math), make_damping_ends(real, math, parts)
-            self._slowing, self._motions = self._zeros(len(own)), self._zeros(count)
+            self._slowing, self._motions = self._zeros(len(particle_order)), self._zeros(count)
 
     def _zeros(self, count: int) -> Any:
         return cuda.to_device(np.zeros(count, self._real), stream=self._stream)
@@ -43,12 +46,12 @@ class ClusterMaterial:
             table = shape_table(self._clusters, h, method.iterations).astype(self._real)
             self._shapes.copy_to_device(table.reshape(-1), stream=self._stream)
         if self.damped:
-            found = damping_factors(self._clusters, h)[self._own].astype(self._real)
-            self._slowing.copy_to_device(found, stream=self._stream)
+            factors = damping_factors(self._clusters, h)[self._particle_order].astype(self._real)
+            self._slowing.copy_to_device(factors, stream=self._stream)
 
-    def turn(self, launch: Any, look: bool, *arguments: Any) -> None:
-        """Turn clusters (shape_matching/shapes.py). A `look` at the state does not change its strains."""
-        self._turn[launch](*arguments, self._shapes, self._plastic, self._bent if look else self._plastic)
+    def turn(self, launch: Any, for_view: bool, *arguments: Any) -> None:
+        """Turn clusters (shape_matching/shapes.py). A `for_view` at the state does not change its strains."""
+        self._turn[launch](*arguments, self._shapes, self._plastic, self._bent if for_view else self._plastic)
 
     def gather(self, position: Any, velocity: Any, entries: tuple[Any, ...], leans: Any) -> None:
         """Compute the clusters' rigid motions."""
@@ -62,13 +65,13 @@ class ClusterMaterial:
 
     # ------------------------------------------------------------------ state
 
-    def keep(self) -> None:
+    def store(self) -> None:
         if self.plastic_parts:
-            self._kept.copy_to_device(self._plastic, stream=self._stream)
+            self._snapshot.copy_to_device(self._plastic, stream=self._stream)
 
     def restore(self) -> None:
         if self.plastic_parts:
-            self._plastic.copy_to_device(self._kept, stream=self._stream)
+            self._plastic.copy_to_device(self._snapshot, stream=self._stream)
 
     def download(self) -> np.ndarray | None:
         """Return (clusters, 3, 3) on the host; None without plastic clusters."""

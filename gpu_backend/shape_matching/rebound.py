@@ -30,13 +30,14 @@ SHARED = TOGETHER * SUMS * PITCH  # numbers per block
 
 
 @cache
-def make_rebound(real: Any, math: str, meets: bool = False) -> SimpleNamespace:
+def make_rebound(real: Any, math: str, has_contacts: bool = False) -> SimpleNamespace:
     """Compile `weigh`, `go` and `differ`.
 
-    `weigh(position, struck, starts, indices, members, leans, limits, motions)`: the resulting motions of clusters, in
-    blocks of THREADS, from the impulses on their particles, `struck`; `go(position, velocity, struck, own_starts,
-    own_clusters, limits, motions)`: particles; `differ(velocity, struck)`: `struck` from velocities after and, in it,
-    before colliders. `limits` (clusters,): 0 of those that do not rebound as a whole. `meets`: with the bound for
+    `weigh(position, impulses, starts, indices, members, leans, limits, motions)`: the resulting motions of clusters, in
+    blocks of THREADS, from the impulses on their particles, `impulses`; `go(position, velocity, impulses, particle_starts,
+    particle_clusters, limits, motions)`: particles; `differ(velocity,
+    impulses)`: `impulses` from velocities after and, in it,
+    before colliders. `limits` (clusters,): 0 of those that do not rebound as a whole. `has_contacts`: with the bound for
     bodies in contact.
     """
     formulas, lane_sum = device_formulas(rebound.make, real, math), make_lane_sum(real, math)
@@ -46,7 +47,7 @@ def make_rebound(real: Any, math: str, meets: bool = False) -> SimpleNamespace:
     )  # fmt: skip
     zero, one, lanes, pitch, sums = real(0), np.int32(1), np.int32(LANES), np.int32(PITCH), np.int32(SUMS)
 
-    def weigh(position, struck, starts, indices, members, leans, limits, motions):
+    def weigh(position, impulses, starts, indices, members, leans, limits, motions):
         shared = cuda.shared.array(SHARED, real)
         lane, place = np.int32(cuda.threadIdx.x % lanes), np.int32(cuda.threadIdx.x // lanes)
         c = np.int32(cuda.blockIdx.x * TOGETHER + place)
@@ -55,7 +56,7 @@ def make_rebound(real: Any, math: str, meets: bool = False) -> SimpleNamespace:
         if c < clusters:
             o, t, s = load_quad(motions, row), load_quad(motions, row + 1), load_quad(motions, row + 2)
             for e in range(np.int32(starts[c] + lane), starts[c + one], lanes):
-                p, q, m = load_quad(position, indices[e]), load_quad(struck, indices[e]), load_quad(members, e)
+                p, q, m = load_quad(position, indices[e]), load_quad(impulses, indices[e]), load_quad(members, e)
                 dx, dy, dz = p[0] - o[0], p[1] - o[1], p[2] - o[2]
                 u = rigid(t[0], s[1], dz, s[2], dy)
                 v = rigid(t[1], s[2], dx, s[0], dz)
@@ -82,19 +83,19 @@ def make_rebound(real: Any, math: str, meets: bool = False) -> SimpleNamespace:
             by = enlarged(got, worth, limits[c])
             t, s = load_quad(motions, row + 1), load_quad(motions, row + 2)
             o = load_quad(motions, row)
-            if meets:
+            if has_contacts:
                 o = bound(got, mass, asked, load_quad(leans, c)[3]), asked, worth, zero
             store_quad(motions, row, o[0], o[1], o[2], zero)
             store_quad(motions, row + 1, scaled(t[0], by), scaled(t[1], by), scaled(t[2], by), zero)
             store_quad(motions, row + 2, scaled(s[0], by), scaled(s[1], by), scaled(s[2], by), zero)
 
-    def go(position, velocity, struck, own_starts, own_clusters, limits, motions):
+    def go(position, velocity, impulses, particle_starts, particle_clusters, limits, motions):
         k = np.int32(cuda.grid(1))
         if k < position.size // SIZE:
-            p, v, q = load_quad(position, k), load_quad(velocity, k), load_quad(struck, k)
-            for n in range(own_starts[k], own_starts[k + one]):
-                if limits[own_clusters[n]] != zero:
-                    row = np.int32(ROWS * own_clusters[n])
+            p, v, q = load_quad(position, k), load_quad(velocity, k), load_quad(impulses, k)
+            for n in range(particle_starts[k], particle_starts[k + one]):
+                if limits[particle_clusters[n]] != zero:
+                    row = np.int32(ROWS * particle_clusters[n])
                     o, t, s = load_quad(motions, row), load_quad(motions, row + 1), load_quad(motions, row + 2)
                     dx, dy, dz = p[0] - o[0], p[1] - o[1], p[2] - o[2]
                     store_quad(
@@ -103,23 +104,26 @@ def make_rebound(real: Any, math: str, meets: bool = False) -> SimpleNamespace:
                         rebounded(v[2], q[2], rigid(t[2], s[0], dy, s[1], dx)), zero,
                     )  # fmt: skip
 
-    def differ(velocity, struck):
+    def differ(velocity, impulses):
         k = np.int32(cuda.grid(1))
         if k < velocity.size // SIZE:
-            v, u = load_quad(velocity, k), load_quad(struck, k)
-            store_quad(struck, k, v[0] - u[0], v[1] - u[1], v[2] - u[2], zero)
+            v, u = load_quad(velocity, k), load_quad(impulses, k)
+            store_quad(impulses, k, v[0] - u[0], v[1] - u[1], v[2] - u[2], zero)
 
-    name = f"bodies_rebound_{variant_name(real, math, 'meets' * meets)}"
+    name = f"bodies_rebound_{variant_name(real, math, 'meets' * has_contacts)}"
     return make_kernels((weigh, go, differ), name, **kernel_options(math))
 
 
 @cache
-def make_strike(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """Compile strike(before, position, velocity, struck, record, bodies, integers, counter, place, substeps, substep):
-    colliders, with their impulses written into `struck`."""
+def make_collide_rebound(real: Any, math: str, parts: frozenset[str]) -> Any:
+    """Compile store_impulses(before, position, velocity, impulses, record, bodies, integers, counter, place, substeps,
+    substep):
+    colliders, with their impulses written into `impulses`."""
     collide, clock, zero = make_motion(real, math, parts, AXES).collide, make_clock(math, parts), real(0)
 
-    def strike(before, position, velocity, struck, record, bodies, integers, counter, place, substeps, substep):
+    def store_impulses(
+        before, position, velocity, impulses, record, bodies, integers, counter, place, substeps, substep
+    ):
         world = World(record[0], bodies, integers)
         k = np.int32(cuda.grid(1))
         if k < position.size // SIZE:
@@ -128,9 +132,9 @@ def make_strike(real: Any, math: str, parts: frozenset[str]) -> Any:
             px, py, pz, vx, vy, vz = collide(b, p, v[0], v[1], v[2], world, number)
             store_quad(position, k, px, py, pz, b[3])
             store_quad(velocity, k, vx, vy, vz, zero)
-            store_quad(struck, k, vx - v[0], vy - v[1], vz - v[2], zero)
+            store_quad(impulses, k, vx - v[0], vy - v[1], vz - v[2], zero)
 
-    return make_kernel(strike, f"bodies_rebound_{variant_name(real, math, parts)}", **kernel_options(math))
+    return make_kernel(store_impulses, f"bodies_rebound_{variant_name(real, math, parts)}", **kernel_options(math))
 
 
 class Rebounds:
@@ -145,24 +149,26 @@ class Rebounds:
     restitution_launches = 8  # of `bounce`
 
     def __init__(
-        self, clusters: Clusters, own: np.ndarray, particles: int, contacts: Any, parts: frozenset[str], real: Any,
+        self, clusters: Clusters, particle_order: np.ndarray, particles: int, contacts: Any, parts: frozenset[str], real: Any,
         math: str, stream: Any,
     ):  # fmt: skip
         self.turns, self.contacts = "rigid-rebound" in parts, contacts if "rigid-bounce" in parts else None
         self._clusters, self._stream, self._flat = clusters, stream, (max(1, -(-particles // THREADS)), THREADS, stream)
         self._kernels, self._gather = make_rebound(real, math), make_gather(real, math)
-        self.strike, self._meeting = make_strike(real, math, parts), make_rebound(real, math, True)
+        self.store_impulses, self._meeting = make_collide_rebound(real, math, parts), make_rebound(real, math, True)
         if self.contacts:
             self._bounce = make_bodies_bounce(real, math)
             self._gives = [make_give(real, math, *contacts.variant, scaled) for scaled in (False, True)]
             self._scales = cuda.to_device(np.zeros(SIZE * particles, real), stream=stream)
         limits = rebound_limits(clusters).astype(real)
         zeros = np.zeros(SIZE * particles, real), np.zeros(ROWS * SIZE * clusters.count, real)
-        self._limits, self.struck, self._motions = (cuda.to_device(array, stream=stream) for array in (limits, *zeros))
+        self._limits, self.impulses, self._motions = (
+            cuda.to_device(array, stream=stream) for array in (limits, *zeros)
+        )
 
     def differ(self, velocity: Any) -> None:
         """Compute the impulses of colliders, from the velocities before them in `struck`."""
-        self._kernels.differ[self._flat](velocity, self.struck)
+        self._kernels.differ[self._flat](velocity, self.impulses)
 
     def run(
         self, position: Any, velocity: Any, entries: tuple[Any, ...], leans: Any, gathered: tuple[Any, ...]
@@ -170,7 +176,7 @@ class Rebounds:
         """Update the velocities by the clusters' responses; other arrays as of the solver's other kernels."""
         blocks = max(1, -(-self._clusters.count // TOGETHER)), THREADS, self._stream
         self._weigh(self._kernels, blocks, position, entries, leans)
-        self._kernels.go[self._flat](position, velocity, self.struck, *gathered[:2], self._limits, self._motions)
+        self._kernels.go[self._flat](position, velocity, self.impulses, *gathered[:2], self._limits, self._motions)
 
     def bounce(
         self, position: Any, old: Any, velocity: Any, travel: Any, entries: tuple[Any, ...], leans: Any,
@@ -182,18 +188,18 @@ class Rebounds:
         Impulses are scaled for each pair by the smaller one of the factors of both bodies.
         """
         blocks, flat = (max(1, -(-self._clusters.count // TOGETHER)), THREADS, self._stream), self._flat
-        own, motions = gathered[:2], self._motions
-        arguments = *self.contacts.count_impacts(position, old, velocity, travel), self._scales, self.struck
+        of_particle, motions = gathered[:2], self._motions
+        arguments = *self.contacts.count_impacts(position, old, velocity, travel), self._scales, self.impulses
         plain, scaled = self._gives
         plain[flat](*arguments)
         self._weigh(self._meeting, blocks, position, entries, leans)
-        self._bounce.spread[flat](*own, self._limits, motions, self._scales)
+        self._bounce.spread[flat](*of_particle, self._limits, motions, self._scales)
         scaled[flat](*arguments)
-        self._gather[blocks](position, self.struck, *entries, leans, motions)
-        self._bounce.join[flat](position, velocity, self.struck, *own, self._limits, motions)
+        self._gather[blocks](position, self.impulses, *entries, leans, motions)
+        self._bounce.join[flat](position, velocity, self.impulses, *of_particle, self._limits, motions)
 
     def _weigh(self, kernels: Any, blocks: Any, position: Any, entries: tuple[Any, ...], leans: Any) -> None:
         """Compute the clusters' motions from the impulses on their particles."""
         starts, _, indices, members = entries
-        self._gather[blocks](position, self.struck, *entries, leans, self._motions)
-        kernels.weigh[blocks](position, self.struck, starts, indices, members, leans, self._limits, self._motions)
+        self._gather[blocks](position, self.impulses, *entries, leans, self._motions)
+        kernels.weigh[blocks](position, self.impulses, starts, indices, members, leans, self._limits, self._motions)

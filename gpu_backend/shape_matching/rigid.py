@@ -34,7 +34,12 @@ def make_begin(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     `predict(before, velocity, a, position, record, travel)`, the same from accelerations `a`, which are then set to
     0."""
     forces, motion = make_forces(real, math, parts), make_motion(real, math, parts, AXES)
-    add_gravity, add_own, predict_mass, kick = forces.add_gravity, forces.add_own, motion.predict, motion.kick
+    add_gravity, add_particle_force, predict_mass, kick = (
+        forces.add_gravity,
+        forces.add_particle_force,
+        motion.predict,
+        motion.kick,
+    )
     travelled, zero = device_formulas(rigid.make, real, math).travelled, real(0)
     no_step = np.int64(0)  # no force on bodies depends on it
 
@@ -51,7 +56,7 @@ def make_begin(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
         if k < position.size // SIZE:
             p, v = load_quad(position, k), load_quad(velocity, k)
             ax, ay, az = add_gravity(zero, zero, zero, parameters)
-            ax, ay, az = add_own(ax, ay, az, k, p[3], parameters, integers, no_step)
+            ax, ay, az = add_particle_force(ax, ay, az, k, p[3], parameters, integers, no_step)
             leave(k, p, v, ax, ay, az, predicted, parameters, travel)
 
     def predict(before, velocity, a, position, record, travel):
@@ -68,12 +73,14 @@ def make_begin(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
 def make_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Compile `move`, `rate`, `update`, `update_calmed`, `rest` and `steady`.
 
-    `move(position, own_starts, own_clusters, own_members, frames, travel)`: particles towards their goals, in place;
-    `rate(before, position, velocity, own_starts, own_clusters, own_members, frames, record, travel)`: the same, and
+    `move(position, particle_starts, particle_clusters, particle_members, frames,
+    travel)`: particles towards their goals, in place;
+    `rate(before, position, velocity, particle_starts, particle_clusters, particle_members, frames, record,
+    travel)`: the same, and
     velocities; `update(before, position, velocity, record, travel)`: only velocities, for rigid bodies from their
     travels; `update_calmed(before, position, velocity, contact_record, record, travel)`: the same with speed limit and
     sleeping; `rest(before, position, velocity, starts, indices, whole)`, in blocks of THREADS: stop each `whole`
-    cluster (clusters,) none of whose particles has moved; `steady(position, velocity, own_starts, own_clusters,
+    cluster (clusters,) none of whose particles has moved; `steady(position, velocity, particle_starts, particle_clusters,
     factors, motions)`: velocities from the bodies' motions.
     """
     keeping, near = device_formulas(rigid.make, real, math), device_formulas(particle_contact.make, real, math)
@@ -84,8 +91,8 @@ def make_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     has_pins, has_limit, has_sleeping = "pins" in parts, "speed-limit" in parts, "sleeping" in parts
 
     @inlined(math)
-    def settle(p, k, own_starts, own_clusters, own_members, frames, t):
-        x, y, z = goals(p, k, own_starts, own_clusters, own_members, frames)
+    def settle(p, k, particle_starts, particle_clusters, particle_members, frames, t):
+        x, y, z = goals(p, k, particle_starts, particle_clusters, particle_members, frames)
         return p[0] + settled(x, t[3], p[0]), p[1] + settled(y, t[3], p[1]), p[2] + settled(z, t[3], p[2])
 
     @inlined(math)
@@ -100,18 +107,18 @@ def make_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
         store_quad(position, k, x, y, z, b[3])
         store_quad(velocity, k, vx, vy, vz, zero)
 
-    def move(position, own_starts, own_clusters, own_members, frames, travel):
+    def move(position, particle_starts, particle_clusters, particle_members, frames, travel):
         k = np.int32(cuda.grid(1))
         if k < position.size // SIZE:
             p = load_quad(position, k)
-            x, y, z = settle(p, k, own_starts, own_clusters, own_members, frames, load_quad(travel, k))
+            x, y, z = settle(p, k, particle_starts, particle_clusters, particle_members, frames, load_quad(travel, k))
             store_quad(position, k, x, y, z, p[3])
 
-    def rate(before, position, velocity, own_starts, own_clusters, own_members, frames, record, travel):
+    def rate(before, position, velocity, particle_starts, particle_clusters, particle_members, frames, record, travel):
         k = np.int32(cuda.grid(1))
         if k < position.size // SIZE:
             b, p, t = load_quad(before, k), load_quad(position, k), load_quad(travel, k)
-            x, y, z = settle(p, k, own_starts, own_clusters, own_members, frames, t)
+            x, y, z = settle(p, k, particle_starts, particle_clusters, particle_members, frames, t)
             leave(k, b, x, y, z, position, velocity, record[0], t[0], t[1], t[2], t[3])
 
     def update(before, position, velocity, record, travel):
@@ -138,13 +145,13 @@ def make_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
                 u, v, w = carried(u, x, p[0]), carried(v, y, p[1]), carried(w, z, p[2])
             leave(k, b, x, y, z, position, velocity, record[0], u, v, w, t[3])
 
-    def steady(position, velocity, own_starts, own_clusters, factors, motions):
+    def steady(position, velocity, particle_starts, particle_clusters, factors, motions):
         k = np.int32(cuda.grid(1))
         if k < position.size // SIZE:
             p = load_quad(position, k)
-            for n in range(own_starts[k], own_starts[k + one]):
+            for n in range(particle_starts[k], particle_starts[k + one]):
                 if factors[n] != zero:
-                    row = np.int32(ROWS * own_clusters[n])
+                    row = np.int32(ROWS * particle_clusters[n])
                     o, t, s = load_quad(motions, row), load_quad(motions, row + 1), load_quad(motions, row + 2)
                     dx, dy, dz = p[0] - o[0], p[1] - o[1], p[2] - o[2]
                     store_quad(
@@ -172,23 +179,25 @@ def make_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
             for e in range(np.int32(starts[c] + lane), starts[c + one], lanes):
                 store_quad(velocity, indices[e], zero, zero, zero, zero)
 
-    made = move, rate, update, update_calmed, rest, steady
-    return make_kernels(made, f"bodies_rigid_{variant_name(real, math, parts)}", **kernel_options(math))
+    kernels = move, rate, update, update_calmed, rest, steady
+    return make_kernels(kernels, f"bodies_rigid_{variant_name(real, math, parts)}", **kernel_options(math))
 
 
 class RigidMotion:
-    """Motion of the rigid ones of `clusters`; `own` (entries,): entries in the particles' order. `travel`: quads of
+    """Motion of the rigid ones of `clusters`; `particle_order` (entries,): entries in the particles' order. `travel`:
+    quads of
     particles."""
 
     def __init__(
-        self, clusters: Clusters, own: np.ndarray, particles: int, parts: frozenset[str], real: Any, math: str, stream: Any
+        self, clusters: Clusters, particle_order: np.ndarray, particles: int, parts: frozenset[str], real: Any,
+        math: str, stream: Any
     ):  # fmt: skip
         self._blocks = max(1, -(-clusters.count // TOGETHER)), THREADS, stream
         self._flat = max(1, -(-particles // THREADS)), THREADS, stream
         slack = goal_slack(clusters, real)
         travel = np.zeros((particles, SIZE), real)
         travel[:, AXES] = slack
-        factors = whole_clusters(clusters)[clusters.owner][own].astype(real)
+        factors = whole_clusters(clusters)[clusters.owner][particle_order].astype(real)
         motions = np.zeros(ROWS * SIZE * clusters.count, real)
         self.travel, self._factors, self._motions = (
             cuda.to_device(array, stream=stream) for array in (pack(travel), factors, motions)

@@ -23,30 +23,30 @@ from softlab.model.formulas.shape_matching.cluster import MOMENTS
 
 @cache
 def make_shaped_turn(real: Any, math: str, shaping: frozenset[str]) -> Any:
-    """Compile turn(position, firsts, leans, sums, rotation, turned, frames, shapes, plastic, bent), as kernels.turn,
+    """Compile turn(position, firsts, leans, sums, rotation, new_rotation, frames, shapes, plastic, bent), as kernels.turn,
     with strains from `plastic` into `bent`, which may be the same. `shaping`: which of `linear` and `plastic` there
     are."""
     formulas, turns = device_formulas(cluster.make, real, math), device_formulas(rotation.make, real, math)
     shapes_of = device_formulas(deformation.make, real, math)
-    upright, centre = formulas.corrected, formulas.centre
+    corrected, centre = formulas.corrected, formulas.centre
     rotation_3d, matrix_of = turns.rotation_3d, turns.matrix_of
     moments_bent, gradient, undone, product = shapes_of.bent, shapes_of.gradient, shapes_of.undone, shapes_of.product
     blended, strain, crept = shapes_of.blended, shapes_of.strain, shapes_of.crept
     has_linear, has_plastic = "linear" in shaping, "plastic" in shaping
     zero, moments = real(0), np.int32(MOMENTS)
 
-    def turn(position, firsts, leans, sums, rotation, turned, frames, shapes, plastic, bent):
+    def turn(position, firsts, leans, sums, rotation, new_rotation, frames, shapes, plastic, bent):
         c = np.int32(cuda.grid(1))
         if c < firsts.size:
             first, q, k = load_quad(position, firsts[c]), load_quad(rotation, c), np.int32(moments * c)
             row = np.int32(ROWS * c)
-            lean, wx, wy, wz = load_quad(leans, c), sums[k], sums[k + 1], sums[k + 2]
+            rest_offset, wx, wy, wz = load_quad(leans, c), sums[k], sums[k + 1], sums[k + 2]
             g, h, s = load_quad(shapes, row), load_quad(shapes, row + 1), load_quad(shapes, row + 2)
-            axx, axy = upright(sums[k + 3], wx, lean[0]), upright(sums[k + 4], wx, lean[1])
-            axz, ayx = upright(sums[k + 5], wx, lean[2]), upright(sums[k + 6], wy, lean[0])
-            ayy, ayz = upright(sums[k + 7], wy, lean[1]), upright(sums[k + 8], wy, lean[2])
-            azx, azy = upright(sums[k + 9], wz, lean[0]), upright(sums[k + 10], wz, lean[1])
-            azz = upright(sums[k + 11], wz, lean[2])
+            axx, axy = corrected(sums[k + 3], wx, rest_offset[0]), corrected(sums[k + 4], wx, rest_offset[1])
+            axz, ayx = corrected(sums[k + 5], wx, rest_offset[2]), corrected(sums[k + 6], wy, rest_offset[0])
+            ayy, ayz = corrected(sums[k + 7], wy, rest_offset[1]), corrected(sums[k + 8], wy, rest_offset[2])
+            azx, azy = corrected(sums[k + 9], wz, rest_offset[0]), corrected(sums[k + 10], wz, rest_offset[1])
+            azz = corrected(sums[k + 11], wz, rest_offset[2])
             fxx, fxy, fxz, fyx, fyy, fyz, fzx, fzy, fzz = gradient(
                 axx, axy, axz, ayx, ayy, ayz, azx, azy, azz, g[0], g[1], g[2], g[3], h[0], h[1]
             )
@@ -59,7 +59,7 @@ def make_shaped_turn(real: Any, math: str, shaping: frozenset[str]) -> Any:
                     axx, axy, axz, ayx, ayy, ayz, azx, azy, azz, p[0], p[1], p[2], r[0], r[1], r[2], t[0], t[1], t[2]
                 )
             w, x, y, z = rotation_3d(axx, axy, axz, ayx, ayy, ayz, azx, azy, azz, q[0], q[1], q[2], q[3])
-            store_quad(turned, c, w, x, y, z)
+            store_quad(new_rotation, c, w, x, y, z)
             rxx, rxy, rxz, ryx, ryy, ryz, rzx, rzy, rzz = matrix_of(w, x, y, z)
             xx, xy, xz, yx, yy, yz, zx, zy, zz = rxx, rxy, rxz, ryx, ryy, ryz, rzx, rzy, rzz
             if has_linear:
@@ -79,7 +79,7 @@ def make_shaped_turn(real: Any, math: str, shaping: frozenset[str]) -> Any:
                 store_quad(bent, row, bxx, bxy, bxz, zero)
                 store_quad(bent, row + 1, byx, byy, byz, zero)
                 store_quad(bent, row + 2, bzx, bzy, bzz, zero)
-            mass, a, b, d = lean[3], lean[0], lean[1], lean[2]
+            mass, a, b, d = rest_offset[3], rest_offset[0], rest_offset[1], rest_offset[2]
             store_quad(frames, row, xx, xy, xz, centre(first[0], wx, mass, xx, xy, xz, a, b, d))
             store_quad(frames, row + 1, yx, yy, yz, centre(first[1], wy, mass, yx, yy, yz, a, b, d))
             store_quad(frames, row + 2, zx, zy, zz, centre(first[2], wz, mass, zx, zy, zz, a, b, d))

@@ -63,21 +63,23 @@ class Bodies(BodiesState):
         if self.kernel == "graph" and can_capture():
             self._graphs = Graphs(self.stream, self._launch, self._count_on)
 
-    def _match(self, position: Any, turned: Any, look: bool = False) -> None:
-        """Compute the clusters' rotations at `position`, from those of the state into `turned`, and their frames.
+    def _match(self, position: Any, new_rotation: Any, for_view: bool = False) -> None:
+        """Compute the clusters' rotations at `position`, from those of the state into `new_rotation`, and their frames.
 
-        Those of lattices go into the state's own arrays, with `look` into others. A `look` at the state causes no
+        Those of lattices go into the state's own arrays, with `for_view` into others. A `for_view` at the state causes no
         creep.
         """
         if self._lattices.copies:
-            self._lattices.match(position, self._lattices.turned if look else self._lattices.rotation, look)
+            self._lattices.match(
+                position, self._lattices.view_rotation if for_view else self._lattices.rotation, for_view
+            )
         if not self.clusters.count:
             return
         blocks = max(1, -(-self.clusters.count // TOGETHER))
         self._cluster_kernels.sum_up[blocks, THREADS, self.stream](position, *self._entries, self._sums)
-        arrays = position, self._firsts, self._leans, self._sums, self.rotation, turned, self._frames
+        arrays = position, self._firsts, self._leans, self._sums, self.rotation, new_rotation, self._frames
         if self._material.shaped:
-            self._material.turn(self._over(self.clusters.count, THREADS), look, *arrays)
+            self._material.turn(self._over(self.clusters.count, THREADS), for_view, *arrays)
         else:
             self._cluster_kernels.turn[self._over(self.clusters.count, THREADS)](*arrays)
 
@@ -128,7 +130,7 @@ class Bodies(BodiesState):
         if self._rigid:
             self._end_rigid(before, now, new_velocity)
             if self._rebounds and self._rebounds.turns:
-                self._rebounds.strike[self._flat](before, now, new_velocity, self._rebounds.struck, *last)
+                self._rebounds.store_impulses[self._flat](before, now, new_velocity, self._rebounds.impulses, *last)
                 self._rebound(now, new_velocity)
             if self.contacts:
                 self._bounce(now, velocity, new_velocity)

@@ -53,7 +53,7 @@ def bind_bodies_stages(sim: Any) -> dict[str, StageRun]:
     def collide(moment: Moment) -> None:
         number = np.int64(moment.number)
         if sim._rebounds and sim._rebounds.turns:
-            sim._rebounds.struck.copy_to_device(velocity, stream=sim.stream)
+            sim._rebounds.impulses.copy_to_device(velocity, stream=sim.stream)
         stage.collide[flat](before, position, velocity, sim.record, sim.bodies, sim.integers, number)
 
     def move(moment: Moment) -> None:

@@ -28,8 +28,8 @@ class BodiesState(SubstepSimulation):
     clusters: Clusters  # those in no lattice
 
     @abstractmethod
-    def _match(self, position: Any, turned: Any, look: bool = False) -> None:
-        """Compute the clusters' rotations at `position` into `turned`, and their frames."""
+    def _match(self, position: Any, new_rotation: Any, for_view: bool = False) -> None:
+        """Compute the clusters' rotations at `position` into `new_rotation`, and their frames."""
 
     def _require_space(self) -> None:
         item, entries, clusters = np.dtype(self.real).itemsize, len(self.clusters.indices), self.clusters.count
@@ -40,8 +40,8 @@ class BodiesState(SubstepSimulation):
         self._require_memory(needed, "bodies", f"{self.particle_count} particles, {entries} entries of clusters")
 
     def _kernel_parts(self) -> frozenset[str]:
-        found = self.plan.parts - {"clusters"} | {"load"}  # every particle has its own weight
-        return found | {"pins"} if "spare" in found else found  # parked particles stay
+        parts = self.plan.parts - {"clusters"} | {"load"}  # every particle has its own weight
+        return parts | {"pins"} if "spare" in parts else parts  # parked particles stay
 
     def _zeros(self, count: int) -> Any:
         return self.zeros(count, self.real)
@@ -49,7 +49,7 @@ class BodiesState(SubstepSimulation):
     def _allocate(self) -> None:
         scene, real, clusters = self.scene, self.real, self.clusters
         self._allocate_quads(collider_numbers(scene, real))
-        self.rotation, self.turned, self.kept_rotation = (self._zeros(SIZE * clusters.count) for _ in range(3))
+        self.rotation, self.view_rotation, self.stored_rotation = (self._zeros(SIZE * clusters.count) for _ in range(3))
         self._weight = (self.body.inverse_mass * scene.grid.mass).astype(real)
         members = np.concatenate([clusters.rest, clusters.masses[:, None]], axis=1).astype(real)
         self._firsts = self.on_device(first_particles(clusters))
@@ -61,31 +61,31 @@ class BodiesState(SubstepSimulation):
         self.contacts: ParticleContacts | None = None
         if scene.contact:
             self.contacts = ParticleContacts(scene, real, self.options.math, self.stream, self.plan.parts)
-        starts, self._own = clusters.of_particle
-        self._own_members = self.on_device(self._in_own_order())
+        starts, self._particle_order = clusters.of_particle
+        self._particle_members = self.on_device(self._in_particle_order())
         self._gathered = (
-            self.on_device(starts), self.on_device(clusters.owner[self._own]), self._own_members, self._frames
+            self.on_device(starts), self.on_device(clusters.owner[self._particle_order]), self._particle_members, self._frames
         )  # fmt: skip
 
         variant = real, self.options.math
-        self._material = ClusterMaterial(clusters, self._own, self._kernel_parts(), *variant, self.stream)
+        self._material = ClusterMaterial(clusters, self._particle_order, self._kernel_parts(), *variant, self.stream)
         self._material.change(scene.method)
         self._rigid: RigidMotion | None = None
         if "rigid-motion" in self.plan.parts:
-            whole = clusters, self._own, self.particle_count, self._kernel_parts()
+            whole = clusters, self._particle_order, self.particle_count, self._kernel_parts()
             self._rigid = RigidMotion(*whole, *variant, self.stream)
         self._rebounds: Rebounds | None = None
         if self.plan.parts & {"rigid-rebound", "rigid-bounce"}:
-            those = clusters, self._own, self.particle_count, self.contacts, self._kernel_parts()
+            those = clusters, self._particle_order, self.particle_count, self.contacts, self._kernel_parts()
             self._rebounds = Rebounds(*those, *variant, self.stream)
         self._couples: Couples | None = None
         if "couples" in self.plan.parts:
-            masses = clusters, self._own, self.particle_count, self.plan.parts
+            masses = clusters, self._particle_order, self.particle_count, self.plan.parts
             self._couples = Couples(*masses, *variant, self.stream)
         self._lattices = Lattices(scene.body_set, *variant, self.stream)
         self._lattices.change(scene.method)
-        given = scene.body_set, scene.method, *variant, self.stream
-        self._links: Any = DeviceLinks(*given) if scene.body_set.links.count else None
+        arguments = scene.body_set, scene.method, *variant, self.stream
+        self._links: Any = DeviceLinks(*arguments) if scene.body_set.links.count else None
 
     @property
     def inertial(self) -> Any:
@@ -97,11 +97,11 @@ class BodiesState(SubstepSimulation):
         """Quads of particles: moments of friction at contacts in the substep so far; None if friction turns nothing."""
         return self._couples.sums if self._couples else None
 
-    def _in_own_order(self) -> np.ndarray:
+    def _in_particle_order(self) -> np.ndarray:
         """Return (entries, 4): rest offsets and factors, particle by particle."""
         method = self.scene.method
         factors = matching_factors(self.clusters, method.dt / method.substeps, method.iterations)
-        return np.concatenate([self.clusters.rest, factors[:, None]], axis=1)[self._own].astype(self.real)
+        return np.concatenate([self.clusters.rest, factors[:, None]], axis=1)[self._particle_order].astype(self.real)
 
     @property
     def contacts_lost(self) -> int:
@@ -110,13 +110,13 @@ class BodiesState(SubstepSimulation):
 
     def _store_snapshot(self) -> None:
         super()._store_snapshot()
-        self.kept_rotation.copy_to_device(self.rotation, stream=self.stream)
-        self._lattices.keep()
-        self._material.keep()
+        self.stored_rotation.copy_to_device(self.rotation, stream=self.stream)
+        self._lattices.store()
+        self._material.store()
 
     def _restore(self) -> None:
         super()._restore()
-        self.rotation.copy_to_device(self.kept_rotation, stream=self.stream)
+        self.rotation.copy_to_device(self.stored_rotation, stream=self.stream)
         self._lattices.restore()
         self._material.restore()
 
@@ -124,7 +124,7 @@ class BodiesState(SubstepSimulation):
         if self._links:
             self._links.change(self.scene.method)
         if self.clusters.count:
-            self._own_members.copy_to_device(self._in_own_order().reshape(-1), stream=self.stream)
+            self._particle_members.copy_to_device(self._in_particle_order().reshape(-1), stream=self.stream)
         self._material.change(self.scene.method)
         self._lattices.change(self.scene.method)
         if self.contacts:
@@ -151,7 +151,7 @@ class BodiesState(SubstepSimulation):
             if len(values):
                 array.copy_to_device(np.ascontiguousarray(values).reshape(-1), stream=self.stream)
         if rotation is None:
-            self._match(self.position[self._current], self.rotation, look=True)
+            self._match(self.position[self._current], self.rotation, for_view=True)
             self._lattices.settle()
         self.synchronize()
 
@@ -162,14 +162,14 @@ class BodiesState(SubstepSimulation):
     def _upload_plastic(self, plastic: np.ndarray | None) -> None:
         self._material.upload(plastic)
 
-    def _look(self) -> np.ndarray:
+    def _match_for_view(self) -> np.ndarray:
         """Return (clusters, 3, 4): the rows of rotations, and centres, at the current positions."""
-        self._match(self.position[self._current], self.turned, look=True)
+        self._match(self.position[self._current], self.view_rotation, for_view=True)
         return self._of_all(self._frames, self._lattices.frames, ROWS).reshape(-1, ROWS, SIZE)
 
     def _read_deformation(self) -> np.ndarray:
-        return np.ascontiguousarray(self._look()[:, :, :AXES])
+        return np.ascontiguousarray(self._match_for_view()[:, :, :AXES])
 
     def _read_clusters(self) -> tuple[np.ndarray, np.ndarray]:
-        centre = self._look()[:, :, AXES].copy()
-        return self._of_all(self.turned, self._lattices.turned), centre
+        centre = self._match_for_view()[:, :, AXES].copy()
+        return self._of_all(self.view_rotation, self._lattices.view_rotation), centre

@@ -47,9 +47,11 @@ class VertexBlockDescent(Tetrahedra):
     def _require_space(self) -> None:
         item = np.dtype(self.real).itemsize
         needed = (10 if self.scene.contact else 9) * SIZE * self.particle_count * item
-        for found in descents(self.scene):
-            needed += found.corners.nbytes + found.entries.nbytes + found.offsets.nbytes + 2 * found.order.nbytes
-            needed += (found.values.size + STRAINS * len(found.corners)) * item
+        for descent in descents(self.scene):
+            needed += (
+                descent.corners.nbytes + descent.entries.nbytes + descent.offsets.nbytes + 2 * descent.order.nbytes
+            )
+            needed += (descent.values.size + STRAINS * len(descent.corners)) * item
         self._require_memory(needed, self.named, f"{self.particle_count} vertices")
 
     def _allocate(self) -> None:
@@ -62,28 +64,28 @@ class VertexBlockDescent(Tetrahedra):
     def _build(self) -> None:
         self._first: list[tuple[str, Launch]] = []  # stages of a substep before its iterations
         self._visits: list[tuple[str, Launch]] = []
-        held = springs(self.scene.tetrahedra_set, "vbd").arrays(self.real)
+        spring_set = springs(self.scene.tetrahedra_set, "vbd").arrays(self.real)
         method, size = self.scene.method, 2 * SIZE * self.particle_count
         self._accelerate = make_accelerate(self.real, self.options.math)
-        self._ways = self.on_device(np.zeros(size, self.real)) if CHEBYSHEV in self.plan.parts else None
+        self._iterates = self.on_device(np.zeros(size, self.real)) if CHEBYSHEV in self.plan.parts else None
         self._weights = weights(method.chebyshev, method.iterations, self.real)
         self._holds = self.on_device(holding(self.scene.tetrahedra_set).astype(self.real))
         self._springs = tuple(
-            self.on_device(one if one.size else np.zeros(1, one.dtype)) for one in map(np.ravel, held)
+            self.on_device(one if one.size else np.zeros(1, one.dtype)) for one in map(np.ravel, spring_set)
         )
-        for found in descents(self.scene):
-            self._bind(found)
+        for descent in descents(self.scene):
+            self._bind(descent)
         super()._build()
 
-    def _bind(self, found: Descent) -> None:
+    def _bind(self, descent: Descent) -> None:
         """Insert the stages of a material into those of a step."""
-        damped, real, count = DAMPED in self.plan.parts, self.real, np.int32(len(found.corners))
-        kernels = make_visits(real, self.options.math, found.number, damped, visited(self.plan.parts))
-        corners, values = self.on_device(pack(found.corners)), self.on_device(pack(found.values.astype(real)))
-        order, offsets, entries = map(self.on_device, (found.order, found.offsets, found.entries))
-        strains = self.on_device(np.zeros(STRAINS * len(found.corners) if damped else 1, real))
-        all_of, every = self._over(len(found.corners), THREADS), np.int32(len(found.order))
-        each, falls = self._over(len(found.order), THREADS), self.on_device(found.falls)
+        damped, real, count = DAMPED in self.plan.parts, self.real, np.int32(len(descent.corners))
+        kernels = make_visits(real, self.options.math, descent.number, damped, visited(self.plan.parts))
+        corners, values = self.on_device(pack(descent.corners)), self.on_device(pack(descent.values.astype(real)))
+        order, offsets, entries = map(self.on_device, (descent.order, descent.offsets, descent.entries))
+        strains = self.on_device(np.zeros(STRAINS * len(descent.corners) if damped else 1, real))
+        all_of, every = self._over(len(descent.corners), THREADS), np.int32(len(descent.order))
+        each, falls = self._over(len(descent.order), THREADS), self.on_device(descent.falls)
 
         def remember(before: Any, velocity: Any, position: Any, time: Any) -> None:
             kernels.remember[all_of](before, corners, values, strains, count)
@@ -113,11 +115,11 @@ class VertexBlockDescent(Tetrahedra):
             )
 
         if damped:
-            self._first.append((stage_name("strain", found.material), remember))
-        self._first.append((stage_name("start", found.material), start))
-        bounds = found.starts.tolist()
-        for colour in range(found.colours):
-            name = stage_name("descend", found.material, colour)
+            self._first.append((stage_name("strain", descent.material), remember))
+        self._first.append((stage_name("start", descent.material), start))
+        bounds = descent.starts.tolist()
+        for colour in range(descent.colours):
+            name = stage_name("descend", descent.material, colour)
             self._visits.append((name, descend(*bounds[colour : colour + 2])))
 
     # ------------------------------------------------------------------ a step
@@ -152,8 +154,8 @@ class VertexBlockDescent(Tetrahedra):
 
     def _go_on(self, position: Any, iteration: int) -> None:
         """Launch the acceleration of sweeps, if the plan has it."""
-        if self._ways is not None:
-            self._accelerate[self._flat](position, self._ways, self._weights[iteration])
+        if self._iterates is not None:
+            self._accelerate[self._flat](position, self._iterates, self._weights[iteration])
 
     @property
     def _launches(self) -> int:
@@ -162,7 +164,7 @@ class VertexBlockDescent(Tetrahedra):
         find, project = (self.contacts.finding, self.contacts.projecting) if self.contacts else (0, 0)
         more += len(self._first) + find
         return method.substeps * (
-            2 + more + method.iterations * (len(self._visits) + project + (self._ways is not None))
+            2 + more + method.iterations * (len(self._visits) + project + (self._iterates is not None))
         )
 
     def _time(self, moment: Moment) -> tuple[Any, ...]:
@@ -181,6 +183,6 @@ class VertexBlockDescent(Tetrahedra):
         def run(launch: Launch) -> StageRun:
             return lambda moment: launch(before, velocity, position, self._time(moment))
 
-        found = {name: run(launch) for name, launch in (*self._first, *self._visits)}
-        found[ACCELERATE] = lambda moment: self._go_on(position, moment.iteration)
-        return super()._stages() | found | {"predict": predict}
+        stages = {name: run(launch) for name, launch in (*self._first, *self._visits)}
+        stages[ACCELERATE] = lambda moment: self._go_on(position, moment.iteration)
+        return super()._stages() | stages | {"predict": predict}

@@ -20,7 +20,7 @@ from softlab.model.formulas.elastic import descent, friction, newton, solving
 
 @cache
 def make_meeting(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """Make `met(sums, b, p, holds, world, number)`: it adds the contribution of colliders to the sums of a vertex at
+    """Make `add_contact(sums, b, p, holds, world, number)`: it adds the contribution of colliders to the sums of a vertex at
     `p`, which was at `b` at the start of substep `number` (quads). `has_bodies`: true if there are colliders."""
     inline, contact = inlined(math), make_contact(real, math, parts)
     within, outer = contact.within, device_formulas(newton.make, real, math).outer
@@ -33,7 +33,7 @@ def make_meeting(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace
     zero, has_friction = real(0), "friction" in parts
 
     @inline
-    def met(sums, b, p, holds, world, number):
+    def add_contact(sums, b, p, holds, world, number):
         x, y, z, hard = within(b, p, holds, world, number)
         if (x != zero) | (y != zero) | (z != zero):
             xx, xy, xz, yy, yz, zz = outer(x, y, z, hard)
@@ -51,7 +51,7 @@ def make_meeting(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace
                 sums = added(sums, rubbed(v, (wx, wy, wz), n, u, t, hard, h))
         return sums
 
-    return SimpleNamespace(has_bodies=contact.has_bodies, met=met)
+    return SimpleNamespace(has_bodies=contact.has_bodies, add_contact=add_contact)
 
 
 @cache

@@ -30,20 +30,20 @@ NOTHING: frozenset[str] = frozenset()
 
 @cache
 def make_accelerate(real: Any, math: str) -> Any:
-    """Compile accelerate(position, ways, w): it extrapolates every particle after a sweep; `ways`: quads of the
+    """Compile accelerate(position, iterates, w): it extrapolates every particle after a sweep; `iterates`: quads of the
     positions after the last sweep, then after the one before it."""
     beyond, zero = device_formulas(chebyshev.make, real, math).beyond, real(0)
 
-    def accelerate(position, ways, w):
+    def accelerate(position, iterates, w):
         k, count = np.int32(cuda.grid(1)), np.int32(position.size // SIZE)  # type: ignore[call-arg]
         if k < count:
             p = load_quad(position, k)
             if p[3] > zero:
-                older = load_quad(ways, count + k)
+                older = load_quad(iterates, count + k)
                 x, y, z = beyond(p[0], older[0], w), beyond(p[1], older[1], w), beyond(p[2], older[2], w)
-                last = load_quad(ways, k)
-                store_quad(ways, count + k, last[0], last[1], last[2], last[3])
-                store_quad(ways, k, x, y, z, zero)
+                last = load_quad(iterates, k)
+                store_quad(iterates, count + k, last[0], last[1], last[2], last[3])
+                store_quad(iterates, k, x, y, z, zero)
                 store_quad(position, k, x, y, z, p[3])
 
     return make_kernel(accelerate, f"chebyshev_{variant_name(real, math)}", **kernel_options(math))
@@ -56,16 +56,17 @@ def make_visits(real: Any, math: str, material: int, damped: bool, parts: frozen
     `remember(before, corners, values, strains, count)`: strains of every tetrahedron of a material at the start of a
     substep; `start(before, velocity, inertial, position, order, falls, stop, record)`: for the vertices before `stop`
     of the order, also pinned ones; `descend(position, inertial, order, offsets, entries, corners, values, strains,
-    meets, sprung_entries, ends, numbers, before, holds, first, stop, count, record, bodies, integers, counter, place,
-    substeps, substep)`: for a colour; `meets` to `numbers`: of springs; `holds` (particles,) [N/m]; both are read if
+    spring_offsets, sprung_entries, ends, numbers, before, holds, first, stop, count, record, bodies, integers,
+    counter, place,
+    substeps, substep)`: for a colour; `spring_offsets` to `numbers`: of springs; `holds` (particles,) [N/m]; both are read if
     `parts` has them. `count`: tetrahedra of the material.
     """
     formulas = device_formulas(descent.make, real, math, material=material, damped=damped)
-    element, held, added = formulas.element, formulas.initial_strain, formulas.added
+    element, initial_strain, added = formulas.element, formulas.initial_strain, formulas.added
     moved, coasted = formulas.moved, formulas.coasted
     pulled, sprung, inline, zero = make_pulled(real, math), bool(parts & PARTS), inlined(math), real(0)
     meeting, clock = make_meeting(real, math, parts), make_clock(math, parts)
-    has_bodies, met = meeting.has_bodies, meeting.met
+    has_bodies, add_contact = meeting.has_bodies, meeting.add_contact
     nobody, one, two, three = np.int32(0), np.int32(1), np.int32(2), np.int32(3)
     nothing, no_sums = (zero,) * descent.STRAINS, (zero,) * descent.SUMS
 
@@ -79,16 +80,16 @@ def make_visits(real: Any, math: str, material: int, damped: bool, parts: frozen
     def strain_at(n: int) -> Any:
         return inline(lambda strains, unused, count, t: strains[np.uint32(np.int32(n * count) + t)])
 
-    def keep_at(n: int) -> Any:
+    def store_at(n: int) -> Any:
         @inline
-        def keep(strains, unused, count, t, strain):
+        def store(strains, unused, count, t, strain):
             strains[np.uint32(np.int32(n * count) + t)] = strain
 
-        return keep
+        return store
 
     corners_of, values_of = make_row(CORNERS, inline), make_row(descent.COUNT, inline)
     points_at, strains_of = tuple_of(CORNERS, point_at, inline), tuple_of(descent.STRAINS, strain_at, inline)
-    keep_all = each_of(descent.STRAINS, keep_at, inline)
+    store_all = each_of(descent.STRAINS, store_at, inline)
 
     @inline
     def points_of(position, corners, count, t):
@@ -98,8 +99,8 @@ def make_visits(real: Any, math: str, material: int, damped: bool, parts: frozen
         t = np.int32(cuda.grid(1))  # type: ignore[call-arg]
         count = np.int32(size)
         if t < count:
-            found = held(points_of(before, corners, count, t), values_of(values, count, t))
-            keep_all(strains, t, count, t, found)
+            strain = initial_strain(points_of(before, corners, count, t), values_of(values, count, t))
+            store_all(strains, t, count, t, strain)
 
     def start(before, velocity, inertial, position, order, falls, stop, record):
         k = np.int32(cuda.grid(1))  # type: ignore[call-arg]
@@ -112,8 +113,8 @@ def make_visits(real: Any, math: str, material: int, damped: bool, parts: frozen
             store_quad(position, vertex, x, y, z, b[3])
 
     def descend(
-        position, inertial, order, offsets, entries, corners, values, strains, meets, sprung_entries, ends, numbers, before,
-        holds, first, stop, size, record, bodies, integers, counter, place, substeps, substep,
+        position, inertial, order, offsets, entries, corners, values, strains, spring_offsets, sprung_entries, ends,
+        numbers, before, holds, first, stop, size, record, bodies, integers, counter, place, substeps, substep,
     ):  # fmt: skip
         parameters = record[0]
         k, count = np.int32(first + cuda.grid(1)), np.int32(size)  # type: ignore[call-arg]
@@ -128,13 +129,13 @@ def make_visits(real: Any, math: str, material: int, damped: bool, parts: frozen
                 points = points_of(position, corners, count, t)
                 sums = added(sums, element(points, values_of(values, count, t), old, corner, rate))
             if sprung:
-                x, y, z, hard, _ = pulled(vertex, position, SpringArrays(meets, sprung_entries, ends, numbers))
+                x, y, z, hard, _ = pulled(vertex, position, SpringArrays(spring_offsets, sprung_entries, ends, numbers))
                 sums = added(sums, (x, y, z, hard, hard, hard, zero, zero, zero))
             p = load_quad(position, vertex)
             if has_bodies:
                 _, number = clock(counter, place, substeps, substep)
                 world = World(parameters, bodies, integers)
-                sums = met(sums, load_quad(before, vertex), p, holds[vertex], world, number)
+                sums = add_contact(sums, load_quad(before, vertex), p, holds[vertex], world, number)
             x, y, z = moved(xyz(p), xyz(load_quad(inertial, vertex)), p[3], parameters[SCALE], sums)
             store_quad(position, vertex, x, y, z, p[3])
 

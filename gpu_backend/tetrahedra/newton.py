@@ -55,17 +55,17 @@ class TetrahedraNewton(DrivenSimulation):
         self._start()
 
     def _make_tables(self) -> None:
-        found, count = self.scene.tetrahedra_set, self.particle_count
-        self._springs = springs(found, "newton")
-        rows = block_rows(found.tetrahedra, count, self._springs.pairs)
-        groups = aggregates(found, rows, self.body.inverse_mass > 0)
+        tetrahedra_set, count = self.scene.tetrahedra_set, self.particle_count
+        self._springs = springs(tetrahedra_set, "newton")
+        rows = block_rows(tetrahedra_set.tetrahedra, count, self._springs.pairs)
+        groups = aggregates(tetrahedra_set, rows, self.body.inverse_mass > 0)
         pairs = couplings(groups, rows)
-        self._pins, held = np.zeros(count if "motion" in self.plan.parts else 0, np.int32), self._springs
+        self._pins, spring_arrays = np.zeros(count if "motion" in self.plan.parts else 0, np.int32), self._springs
         self._tables = (
-            found.tetrahedra, material_of(found), *rows, *groups, *pairs, self._pins, held.meets, held.entries,
-            held.corners,
+            tetrahedra_set.tetrahedra, material_of(tetrahedra_set), *rows, *groups, *pairs, self._pins,
+            spring_arrays.meets, spring_arrays.entries, spring_arrays.corners,
         )  # fmt: skip
-        tetrahedra, blocks, size = len(found.tetrahedra), len(rows.columns), len(groups.reach)
+        tetrahedra, blocks, size = len(tetrahedra_set.tetrahedra), len(rows.columns), len(groups.reach)
         parts = max(-(-max(count, tetrahedra) // SUMMED), groups.number)
         self._sizes = (  # of the work arrays, in the kernel's order
             9 * (BLOCKS * tetrahedra + len(self._springs.blocks)), 9 * blocks, 6 * count, 4 * SIZE * tetrahedra,
@@ -75,34 +75,36 @@ class TetrahedraNewton(DrivenSimulation):
         self._sum_size, self._most_blocks = 4 * parts, max(-(-tetrahedra // UNIT), -(-count // SUMMED), groups.number)
 
     def _require_space(self) -> None:
-        item, found = np.dtype(self.real).itemsize, self.scene.tetrahedra_set
+        item, tetrahedra_set = np.dtype(self.real).itemsize, self.scene.tetrahedra_set
         needed = (8 + self._working) * SIZE * self.particle_count * item + sum(one.nbytes for one in self._tables)
-        needed += (sum(self._sizes) + sum(self._coarse_sizes) + 14 * len(found.tetrahedra)) * item
-        self._require_memory(needed, "tetrahedral_body", f"{len(found.tetrahedra)} tetrahedra")
+        needed += (sum(self._sizes) + sum(self._coarse_sizes) + 14 * len(tetrahedra_set.tetrahedra)) * item
+        self._require_memory(needed, "tetrahedral_body", f"{len(tetrahedra_set.tetrahedra)} tetrahedra")
 
     def _allocate(self) -> None:
-        scene, real, found = self.scene, self.real, self.scene.tetrahedra_set
+        scene, real, tetrahedra_set = self.scene, self.real, self.scene.tetrahedra_set
         self._allocate_driven()
         self._weight = (self.body.inverse_mass * scene.grid.mass).astype(real)
-        self._fourth = found.damping_rates.astype(real)
+        self._fourth = tetrahedra_set.damping_rates.astype(real)
         if self._first_pin:
             self._pins[self.body.pinned] = self._first_pin + PIN_FIELDS * np.arange(len(self.body.pinned))
-        self._lists = [self.on_device(array) for array in surface_lists(found, False)]
+        self._lists = [self.on_device(array) for array in surface_lists(tetrahedra_set, False)]
 
-        def room(size: int) -> Any:
+        def zeros(size: int) -> Any:
             return self.on_device(np.zeros(size, real))
 
         self._done = self.on_device(np.zeros(len(DONE), np.int64))
         self._arrays = (
-            room(self._working * SIZE * self.particle_count), self.on_device(element_values(found).T.astype(real)),
-            *(room(size) for size in self._sizes), self.on_device(holding(found).astype(real)),
+            zeros(self._working * SIZE * self.particle_count), self.on_device(element_values(tetrahedra_set).T.astype(real)),
+            *(zeros(size) for size in self._sizes), self.on_device(holding(tetrahedra_set).astype(real)),
             self.on_device(np.append(self._springs.values.ravel(), 0).astype(real)),
-            *(room(size) for size in self._coarse_sizes), self.on_device(packed(self._tables)), room(self._sum_size),
+            *(zeros(size) for size in self._coarse_sizes), self.on_device(packed(self._tables)), zeros(self._sum_size),
         )  # fmt: skip
-        held = np.zeros(self._sizes[0], real)
-        held[9 * BLOCKS * len(found.tetrahedra) :] = self._springs.blocks.ravel()
-        self._arrays[2].copy_to_device(held)
-        self._floor = real(rounding_floor(found, real) + rounding_of(self._springs, found.extent, real))
+        spring_arrays = np.zeros(self._sizes[0], real)
+        spring_arrays[9 * BLOCKS * len(tetrahedra_set.tetrahedra) :] = self._springs.blocks.ravel()
+        self._arrays[2].copy_to_device(spring_arrays)
+        self._floor = real(
+            rounding_floor(tetrahedra_set, real) + rounding_of(self._springs, tetrahedra_set.extent, real)
+        )
 
     def _build(self) -> None:
         self._tools = SimpleNamespace(**vars(make_cloth_tools(self.real)) | vars(make_mesh_tools(self.real)))

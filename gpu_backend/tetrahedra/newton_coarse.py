@@ -17,14 +17,14 @@ from softlab.gpu_backend.core.compile import inlined
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.quads import load_quad, store_quad
 from softlab.gpu_backend.tetrahedra.newton_elements import make_block_access
-from softlab.gpu_backend.tetrahedra.newton_sums import ROOM, TEAM, TEAMS, make_sums
+from softlab.gpu_backend.tetrahedra.newton_sums import CAPACITY, TEAM, TEAMS, make_sums
 from softlab.model.formulas.elastic import coarse as formulas_of
 from softlab.model.formulas.elastic import newton, solving
 from softlab.model.tetrahedra.aggregates import MODES, MOST
 
 TILE = 64  # blocks of a pair of groups that are projected onto rigid motions at once
 ENTRIES = MODES * MODES
-assert max((TILE + 1) * ENTRIES, TEAMS * MODES * MOST, TEAMS * MODES * TEAM) <= ROOM
+assert max((TILE + 1) * ENTRIES, TEAMS * MODES * MOST, TEAMS * MODES * TEAM) <= CAPACITY
 
 
 @cache
@@ -47,16 +47,16 @@ def make_coarse(real: Any, math: str) -> SimpleNamespace:
     inline, formulas = inlined(math), device_formulas(formulas_of.make, real, math)
     scale_of, arm, moment, motion = formulas.scale_of, formulas.arm, formulas.moment, formulas.motion
     dot, arm_of, sums = device_formulas(solving.make, real, math).dot, make_arm(real, math), make_sums(real, math)
-    meet_team, add_team, load_six = sums.meet_team, sums.add_team, make_block_access(math).load_six
+    synchronize_team, add_team, load_six = sums.synchronize_team, sums.add_team, make_block_access(math).load_six
     zero, one, next_one, none = real(0), real(1), np.int32(1), np.int32(0)
     team, modes = np.int32(TEAM), np.int32(MODES)
-    room, one_lane, three = np.int32(MODES * TEAM), np.int32(1), np.int32(3)
+    capacity, one_lane, three = np.int32(MODES * TEAM), np.int32(1), np.int32(3)
 
     @inline
     def place_of():
         """Return (lane, start of the team's part of the block's memory)."""
         t = np.int32(cuda.threadIdx.x)
-        return np.int32(t % team), np.int32(t // team * room)
+        return np.int32(t % team), np.int32(t // team * capacity)
 
     @inline
     def centre(group, solver, shared):
@@ -73,9 +73,9 @@ def make_coarse(real: Any, math: str) -> SimpleNamespace:
             running = add_team(shared, base, three, lane, running)
         if lane < three:
             shared[base + lane] = running / count
-        meet_team()
+        synchronize_team()
         cx, cy, cz = shared[base], shared[base + 1], shared[base + 2]
-        meet_team()
+        synchronize_team()
         running = zero
         for begin in range(first, last, team):
             squared = zero
@@ -140,10 +140,10 @@ def make_couple(real: Any, math: str) -> Any:
             for n in range(t, many, threads):
                 b = solver.pairs.blocks[begin + n]
                 d, e = arm_of(solver.pairs.row[b], group, v, coarse), arm_of(solver.rows.columns[b], other, v, coarse)
-                found = columns(d, e, load_block(solver.matrix.blocks, b))
+                block = columns(d, e, load_block(solver.matrix.blocks, b))
                 for j in range(MODES):
                     for i in range(MODES):
-                        shared[(modes * i + j) * tile + n] = found[j][i]
+                        shared[(modes * i + j) * tile + n] = block[j][i]
             cuda.syncthreads()
             for e in range(t, entries, threads):
                 running = shared[tile * entries + e]
@@ -171,8 +171,8 @@ def make_band(real: Any, math: str) -> SimpleNamespace:
     """
     inline, pivot = inlined(math), device_formulas(formulas_of.make, real, math).pivot
     moved, times = device_formulas(newton.make, real, math).moved, device_formulas(solving.make, real, math).times
-    meet_team, zero, one = make_sums(real, math).meet_team, real(0), real(1)
-    team, modes, next_one, none, room = (
+    synchronize_team, zero, one = make_sums(real, math).synchronize_team, real(0), real(1)
+    team, modes, next_one, none, capacity = (
         np.int32(TEAM),
         np.int32(MODES),
         np.int32(1),
@@ -196,9 +196,9 @@ def make_band(real: Any, math: str) -> SimpleNamespace:
             for j in range(t + next_one, last_many + next_one, threads):  # of the row before, which all have read
                 band[row - width + j] = times(last_inverse, band[row - width + j])
             for i in range(t // team + next_one, many + next_one, threads // team):
-                share, target = -times(inverse, band[row + i]), np.int32((k + i) * width)
+                factor, target = -times(inverse, band[row + i]), np.int32((k + i) * width)
                 for j in range(t % team, many - i + next_one, team):
-                    band[target + j] = moved(band[target + j], share, times(inverse, band[row + i + j]))
+                    band[target + j] = moved(band[target + j], factor, times(inverse, band[row + i + j]))
             last_inverse, last_many = inverse, many
         cuda.syncthreads()
         return bad
@@ -207,7 +207,7 @@ def make_band(real: Any, math: str) -> SimpleNamespace:
     def solve(body, solver, shared):
         coarse = solver.coarse
         t = np.int32(cuda.threadIdx.x)
-        lane, base = np.int32(t % team), np.int32(t // team * room)
+        lane, base = np.int32(t % team), np.int32(t // team * capacity)
         band, width = coarse.band, coarse.width
         first, last = (
             np.int32(modes * solver.pairs.bodies[body]),
@@ -215,16 +215,16 @@ def make_band(real: Any, math: str) -> SimpleNamespace:
         )
         for k in range(first + lane, last, team):
             shared[base + k - first] = coarse.solved[k]
-        meet_team()
+        synchronize_team()
         for k in range(first, last):
             at, row, many = np.int32(base + k - first), np.int32(k * width), np.int32(solver.groups.reach[k] - k)
             y = times(coarse.pivots[k], shared[at])
             for j in range(lane + next_one, many + next_one, team):
                 shared[at + j] = moved(shared[at + j], -y, band[row + j])
-            meet_team()
+            synchronize_team()
             if lane == none:
                 shared[at] = y
-        meet_team()
+        synchronize_team()
         for n in range(last - first):
             k = np.int32(last - next_one - n)
             at = np.int32(base + k - first)
@@ -233,9 +233,9 @@ def make_band(real: Any, math: str) -> SimpleNamespace:
             while i >= first and solver.groups.reach[i] >= k:
                 shared[base + i - first] = moved(shared[base + i - first], -y, band[i * width + k - i])
                 i = np.int32(i - team)
-            meet_team()
+            synchronize_team()
             if lane == none:
                 coarse.solved[k] = y
-        meet_team()
+        synchronize_team()
 
     return SimpleNamespace(factor=factor, solve=solve)

@@ -42,24 +42,24 @@ def make_contact(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace
     @inline
     def nearly_within(b, p, target, holds, world, number):
         x, y, z, hard = p[0], p[1], p[2], zero
-        dx, dy, dz, share = zero, zero, zero, zero
+        dx, dy, dz, fraction = zero, zero, zero, zero
         for _ in range(2):  # a loop, so that colliders are compiled once
             if (dx == zero) & (dy == zero) & (dz == zero):
                 x, y, z = (
-                    moved(p[0], share, target[0] - p[0]),
-                    moved(p[1], share, target[1] - p[1]),
-                    moved(p[2], share, target[2] - p[2]),
+                    moved(p[0], fraction, target[0] - p[0]),
+                    moved(p[1], fraction, target[1] - p[1]),
+                    moved(p[2], fraction, target[2] - p[2]),
                 )
                 dx, dy, dz, hard = depth(b, x, y, z, holds, world, number)
-                share = soon
+                fraction = soon
         return dx, dy, dz, hard
 
     @inline
     def pressed(b, p, v, holds, world, number):
         x, y, z, hard = within(b, p, holds, world, number)
         parameters = world.parameters
-        share = times(hard / inertia_of(parameters.newton_inertia, b[3]), parameters.newton_rate)
-        return moved(v[0], share, x), moved(v[1], share, y), moved(v[2], share, z)
+        rate = times(hard / inertia_of(parameters.newton_inertia, b[3]), parameters.newton_rate)
+        return moved(v[0], rate, x), moved(v[1], rate, y), moved(v[2], rate, z)
 
     return SimpleNamespace(
         has_bodies=bool(parts & COLLIDERS), within=within, nearly_within=nearly_within, pressed=pressed

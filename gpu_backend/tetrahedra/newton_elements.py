@@ -132,8 +132,8 @@ def make_damper(real: Any, math: str, parts: frozenset[str]) -> Any:
 
 
 @cache
-def make_look(real: Any, math: str, parts: frozenset[str]) -> Any:
-    """Make look(n, count, solver, rate, number) -> (energy, its rounding error) [J].
+def make_energies(real: Any, math: str, parts: frozenset[str]) -> Any:
+    """Make energies(n, count, solver, rate, number) -> (energy, its rounding error) [J].
 
     It also writes the forces at the four corners of tetrahedron n of `count`; all three include dampers. `rate`: 1 / h,
     of the solve `number`.
@@ -158,7 +158,7 @@ def make_look(real: Any, math: str, parts: frozenset[str]) -> Any:
         store_quad(forces, place, x, y, z, zero)
 
     @inline
-    def look(n, count, solver, rate, number):
+    def energies(n, count, solver, rate, number):
         v, forces, (corners, materials, values) = solver.vectors, solver.matrix.forces, solver.elements
         material, rest, volume = materials[n], rest_of(values, n, count, n), values[AT_VOLUME * count + n]
         mu, lame = values[AT_MU * count + n], values[AT_LAME * count + n]
@@ -166,8 +166,8 @@ def make_look(real: Any, math: str, parts: frozenset[str]) -> Any:
         r = f
         if material != HOOKEAN:
             r = rotation(f)
-        held, p = stress(material, f, r, mu, lame, values[AT_ALPHA * count + n])
-        energy, unsure = times(volume, held), doubt(held, volume, mu, lame, material == HOOKEAN)
+        energy_density, p = stress(material, f, r, mu, lame, values[AT_ALPHA * count + n])
+        energy, unsure = times(volume, energy_density), doubt(energy_density, volume, mu, lame, material == HOOKEAN)
         if damped:
             mu, lame = moduli(values[AT_DAMPING * count + n], rate, mu, lame)
             lost, pull = viscous(n, v, f, rest, number, corners, mu, lame)
@@ -181,7 +181,7 @@ def make_look(real: Any, math: str, parts: frozenset[str]) -> Any:
         put(forces, np.int32(first + 3), volume, d)
         return energy, unsure
 
-    return look
+    return energies
 
 
 @cache
@@ -214,7 +214,7 @@ def make_blocks(real: Any, math: str, parts: frozenset[str]) -> Any:
 
     @inline
     def blocks(n, count, solver, rate, number, safe):
-        v, found, (corners, materials, values) = solver.vectors, solver.matrix.element_blocks, solver.elements
+        v, block_array, (corners, materials, values) = solver.vectors, solver.matrix.element_blocks, solver.elements
         rest, weight = rest_of(values, n, count, n), values[AT_VOLUME * count + n]
         mu, lame = values[AT_MU * count + n], values[AT_LAME * count + n]
         f = deformed(n, v.position, corners, rest)
@@ -238,18 +238,18 @@ def make_blocks(real: Any, math: str, parts: frozenset[str]) -> Any:
         bb, bc, bd = weighted(weight, bb), weighted(weight, bc), weighted(weight, bd)
         cc, cd, dd = weighted(weight, cc), weighted(weight, cd), weighted(weight, dd)
         first = np.int32(every * n)
-        store_block(found, np.int32(first + 4), bb)
-        store_block(found, np.int32(first + 5), bc)
-        store_block(found, np.int32(first + 6), bd)
-        store_block(found, np.int32(first + 7), cc)
-        store_block(found, np.int32(first + 8), cd)
-        store_block(found, np.int32(first + 9), dd)
+        store_block(block_array, np.int32(first + 4), bb)
+        store_block(block_array, np.int32(first + 5), bc)
+        store_block(block_array, np.int32(first + 6), bd)
+        store_block(block_array, np.int32(first + 7), cc)
+        store_block(block_array, np.int32(first + 8), cd)
+        store_block(block_array, np.int32(first + 9), dd)
         ab, ac, ad = (
             left(bb, transposed(bc), transposed(bd)), left(bc, cc, transposed(cd)), left(bd, cd, dd)
         )  # fmt: skip
-        store_block(found, first, left(ab, ac, ad))
-        store_block(found, np.int32(first + 1), ab)
-        store_block(found, np.int32(first + 2), ac)
-        store_block(found, np.int32(first + 3), ad)
+        store_block(block_array, first, left(ab, ac, ad))
+        store_block(block_array, np.int32(first + 1), ab)
+        store_block(block_array, np.int32(first + 2), ac)
+        store_block(block_array, np.int32(first + 3), ad)
 
     return blocks

@@ -19,7 +19,7 @@ from numba import cuda
 from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.integers import knows_time
-from softlab.gpu_backend.core.meeting import make_meet
+from softlab.gpu_backend.core.meeting import make_barrier
 from softlab.gpu_backend.core.quads import SIZE
 from softlab.gpu_backend.core.world import World
 from softlab.gpu_backend.tetrahedra.newton_arrays import Coarse, Solver, Vectors
@@ -31,7 +31,7 @@ from softlab.gpu_backend.tetrahedra.newton_passes import (
     make_quick_passes,
     make_unit_passes,
 )
-from softlab.gpu_backend.tetrahedra.newton_sums import ROOM, THREADS, UNIT, make_sums
+from softlab.gpu_backend.tetrahedra.newton_sums import CAPACITY, THREADS, UNIT, make_sums
 from softlab.model.formulas.elastic import newton
 from softlab.model.formulas.elastic.newton import (
     BEGIN,
@@ -40,9 +40,9 @@ from softlab.model.formulas.elastic.newton import (
     COARSE,
     CORRECT,
     DIRECTION,
+    ENERGIES,
+    EVALUATIONS,
     FINISH,
-    LOOK,
-    LOOKS,
     MATRICES,
     MOVE,
     PRODUCT,
@@ -123,14 +123,14 @@ def make_newton(real: Any, math: str, parts: frozenset[str]) -> Any:
     views, dispatch, sum_up = _make_views(math), _make_dispatch(real, math, parts), _make_sum_up(real, math)
     vectors_of, rows_of, groups_of, pairs_of = views.vectors, views.rows, views.groups, views.pairs
     # always decided in exact math: the energy of a distant trial may be NaN, which fast math treats as a number
-    after, meet = device_formulas(newton.make_control, real, "exact").after, make_meet(math)
+    after, barrier = device_formulas(newton.make_control, real, "exact").after, make_barrier(math)
     has_time, zero, none, one, quick = knows_time(parts), real(0), np.int64(0), np.int32(1), math != "exact"
 
     def newton_steps(
         position, velocity, working, values, element_blocks, blocks, inverses, forces, stiffness, springs, centres, band,
         unknowns, inverse, tables, sums, flags, done, record, bodies, integers, counter, steps, solves, iterations, floor,
     ):  # fmt: skip
-        shared = cuda.shared.array(ROOM, real)
+        shared = cuda.shared.array(CAPACITY, real)
         world = World(record[0], bodies, integers)
         t, v = tables, vectors_of(position, velocity, working)
         matrix = Matrix(element_blocks, blocks, inverses, forces, stiffness)
@@ -155,7 +155,7 @@ def make_newton(real: Any, math: str, parts: frozenset[str]) -> Any:
             while True:
                 parts_of = sums[turn * half : (turn + 1) * half]
                 dispatch(kind, solver, world, time, counts.safe, flip, numbers, shared, parts_of)
-                wanted = meet(flags, wanted)
+                wanted = barrier(flags, wanted)
                 if kind == FINISH:
                     break
                 if kind == COARSE or (quick and kind == FACTOR) or (not quick and kind == RESTRICT):
@@ -163,8 +163,8 @@ def make_newton(real: Any, math: str, parts: frozenset[str]) -> Any:
                     continue
                 first, second = sum_up(kind, solver, shared, parts_of)
                 if first_thread:
-                    if kind == LOOK:
-                        done[LOOKS] += 1
+                    if kind == ENERGIES:
+                        done[EVALUATIONS] += 1
                     elif kind == ROWS:
                         done[MATRICES] += 1
                     elif kind == PRODUCT:
@@ -199,7 +199,7 @@ def _make_dispatch(real: Any, math: str, parts: frozenset[str]) -> Any:
         block, blocks = np.int32(cuda.blockIdx.x), np.int32(cuda.gridDim.x)
         particles = np.int32(solver.vectors.position.size // quad)
         tetrahedra = np.int32(len(solver.elements.materials))
-        if kind in (LOOK, BLOCKS):
+        if kind in (ENERGIES, BLOCKS):
             for unit in range(block, (tetrahedra + unit_size - 1) // unit_size, blocks):
                 of_elements(kind, unit, tetrahedra, solver, world, time[1], safe, shared, sums)
         elif kind in (CENTRES, COARSE, FACTOR, INVERT, RESTRICT, BACK):
@@ -221,7 +221,7 @@ def _make_sum_up(real: Any, math: str) -> Any:
     @inlined(math)
     def sum_up(kind, solver, shared, parts):
         first, second, count = zero, zero, np.int32(0)
-        if kind == LOOK:
+        if kind == ENERGIES:
             count = np.int32((len(solver.elements.materials) + summed - 1) // summed)
         elif kind in (FACTOR, INVERT):
             count = np.int32(len(solver.pairs.bodies) - 1)
@@ -230,9 +230,9 @@ def _make_sum_up(real: Any, math: str) -> Any:
         elif kind in (WEIGH, ROWS, PRODUCT, CORRECT, MOVE):
             count = np.int32((solver.vectors.position.size // quad + summed - 1) // summed)
         if count > 0:
-            total(shared, two_sums if kind == LOOK else one_sum, count, parts)
+            total(shared, two_sums if kind == ENERGIES else one_sum, count, parts)
             first = shared[0]
-            if kind == LOOK:
+            if kind == ENERGIES:
                 second = shared[1]
         cuda.syncthreads()
         return first, second

@@ -17,7 +17,7 @@ from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.quads import AXES, load_quad, store_quad
 from softlab.gpu_backend.tetrahedra.newton_coarse import make_band, make_coarse, make_couple
 from softlab.gpu_backend.tetrahedra.newton_contact import make_contact
-from softlab.gpu_backend.tetrahedra.newton_elements import make_block_access, make_blocks, make_look
+from softlab.gpu_backend.tetrahedra.newton_elements import make_block_access, make_blocks, make_energies
 from softlab.gpu_backend.tetrahedra.newton_pins import make_driven
 from softlab.gpu_backend.tetrahedra.newton_quick import make_invert, make_quick_groups, make_quick_product
 from softlab.gpu_backend.tetrahedra.newton_rows import make_moving, make_rows, make_solving
@@ -30,9 +30,9 @@ from softlab.model.formulas.elastic.newton import (
     COARSE,
     CORRECT,
     DIRECTION,
+    ENERGIES,
     FINISH,
     KINDS,
-    LOOK,
     MOVE,
     PRODUCT,
     RESTRICT,
@@ -51,7 +51,7 @@ def make_substep_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleName
     """Make `begin(k, solver, world, time)`, the inertial or driven position of particle k, and `finish(k, solver, world,
     number)`, its velocity and collisions."""
     forces, motion = make_forces(real, math, parts), make_motion(real, math, parts, AXES)
-    add_gravity, add_own, predict = forces.add_gravity, forces.add_own, motion.predict
+    add_gravity, add_particle_force, predict = forces.add_gravity, forces.add_particle_force, motion.predict
     rate_of, collide = motion.rate_of, motion.collide
     contact, zero = make_contact(real, math, parts), real(0)
     has_bodies, pressed, inline = contact.has_bodies, contact.pressed, inlined(math)
@@ -87,7 +87,7 @@ def make_substep_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleName
         if staged:
             p, w = begin_stage(k, p, w, v, world.parameters.dt, time[1])
         ax, ay, az = add_gravity(zero, zero, zero, world.parameters)
-        ax, ay, az = add_own(ax, ay, az, k, p[3], world.parameters, world.integers, time[0])
+        ax, ay, az = add_particle_force(ax, ay, az, k, p[3], world.parameters, world.integers, time[0])
         if is_slowed:
             h = world.parameters.dt
             w = slowed(w[0], w[3], h), slowed(w[1], w[3], h), slowed(w[2], w[3], h), w[3]
@@ -145,7 +145,7 @@ def make_assembly(real: Any, math: str, parts: frozenset[str]) -> Any:
 def make_unit_passes(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Make `of_elements(kind, unit, count, ...)`, for a block, the passes over UNIT tetrahedra, and `of_particles(kind,
     group, ...)`, those over SUMMED particles; both write sums of groups to `sums`."""
-    inline, look, blocks = inlined(math), make_look(real, math, parts), make_blocks(real, math, parts)
+    inline, energies, blocks = inlined(math), make_energies(real, math, parts), make_blocks(real, math, parts)
     rows, assemble = make_rows(real, math, parts), make_assembly(real, math, parts)
     settle_row = rows.settle_row
     solve, moving = make_solving(real, math, rows.apply), make_moving(real, math, parts)
@@ -161,14 +161,14 @@ def make_unit_passes(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
         rate = world.parameters.newton_rate
         for one in range(t, unit_size, threads):
             n = np.int32(unit * unit_size + one)
-            held, unsure = zero, zero
+            energy, unsure = zero, zero
             if n < count:
-                if kind == LOOK:
-                    held, unsure = look(n, count, solver, rate, number)
+                if kind == ENERGIES:
+                    energy, unsure = energies(n, count, solver, rate, number)
                 else:
                     blocks(n, count, solver, rate, number, safe != 0)
-            shared[one], shared[unit_size + one] = held, unsure
-        if kind == LOOK:
+            shared[one], shared[unit_size + one] = energy, unsure
+        if kind == ENERGIES:
             groups = np.int32((count + summed - 1) // summed)
             width = np.int32(min(unit_size, np.int32(count - unit * unit_size)))
             add_groups(shared, both, width, np.int32(unit * unit_size // summed), groups, sums)

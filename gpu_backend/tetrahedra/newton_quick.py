@@ -122,11 +122,11 @@ def make_quick_groups(real: Any, math: str) -> SimpleNamespace:
         for n in range(solver.groups.starts[group] + t, solver.groups.starts[group + next_one], threads):
             k = solver.groups.members[n]
             r = load_quad(v.residual, k)
-            x, y_own, z = preconditioned(load_six(solver.matrix.inverses, k, particles), r[0], r[1], r[2])
+            x, y_block, z = preconditioned(load_six(solver.matrix.inverses, k, particles), r[0], r[1], r[2])
             p, q, s = motion(arm_of(k, group, v, coarse), y)
-            x, y_own, z = x + p, y_own + q, z + s
-            store_quad(v.better, k, x, y_own, z, zero)
-            total = total + dot(r[0], r[1], r[2], x, y_own, z)
+            x, y_block, z = x + p, y_block + q, z + s
+            store_quad(v.better, k, x, y_block, z, zero)
+            total = total + dot(r[0], r[1], r[2], x, y_block, z)
         total = of_block(shared, np.int32(0), total)
         if t == 0:
             parts[group] = total
@@ -184,8 +184,8 @@ def make_quick_product(real: Any, math: str) -> Any:
 def make_invert(real: Any, math: str) -> Any:
     """Make invert(column, solver, shared): for a team, one column of the inverse of a body's coarse matrix; data
     of the next row is loaded while one is processed."""
-    inline, meet_team, zero, one = inlined(math), make_sums(real, math).meet_team, real(0), real(1)
-    team, modes, next_one, none, room = (
+    inline, synchronize_team, zero, one = inlined(math), make_sums(real, math).synchronize_team, real(0), real(1)
+    team, modes, next_one, none, capacity = (
         np.int32(TEAM),
         np.int32(MODES),
         np.int32(1),
@@ -196,27 +196,27 @@ def make_invert(real: Any, math: str) -> Any:
     @inline
     def above(i, k, first, solver):
         """Return row i's entry in column k."""
-        coarse, found = solver.coarse, zero
+        coarse, entry = solver.coarse, zero
         if i >= first:
             if solver.groups.reach[i] >= k:
-                found = coarse.band[i * coarse.width + k - i]
-        return found
+                entry = coarse.band[i * coarse.width + k - i]
+        return entry
 
     @inline
     def invert(column, solver, shared):
         coarse = solver.coarse
         t = np.int32(cuda.threadIdx.x)
-        lane, base = np.int32(t % team), np.int32(t // team * room)
+        lane, base = np.int32(t % team), np.int32(t // team * capacity)
         band, width, body = coarse.band, coarse.width, solver.pairs.body_of[column // modes]
         first, last = (
             np.int32(modes * solver.pairs.bodies[body]),
             np.int32(modes * solver.pairs.bodies[body + next_one]),
         )
         size, x = np.int32(last - first), np.int32(base - first)
-        meet_team()
+        synchronize_team()
         for k in range(first + lane, last, team):
             shared[x + k] = one if k == column else zero
-        meet_team()
+        synchronize_team()
         entry, pivot = band[column * width + min(lane + next_one, width - next_one)], coarse.pivots[column]
         many = np.int32(solver.groups.reach[column] - column)
         for k in range(column, last):
@@ -229,10 +229,10 @@ def make_invert(real: Any, math: str) -> Any:
                 shared[x + k + 1 + lane] -= y * now
             for j in range(lane + next_one + team, reached + next_one, team):
                 shared[x + k + j] -= y * band[k * width + j]
-            meet_team()
+            synchronize_team()
             if lane == none:
                 shared[x + k] = y
-        meet_team()
+        synchronize_team()
         entry, pivot = (
             above(np.int32(last - 2 - lane), last - next_one, first, solver),
             coarse.pivots[last - next_one],
@@ -252,13 +252,13 @@ def make_invert(real: Any, math: str) -> Any:
             while i >= first and solver.groups.reach[i] >= k:
                 shared[x + i] -= y * band[i * width + k - i]
                 i = np.int32(i - team)
-            meet_team()
+            synchronize_team()
             if lane == none:
                 shared[x + k] = y
-        meet_team()
+        synchronize_team()
         place = np.int32(solver.pairs.places[body] + (column - first) * size)
         for k in range(first + lane, last, team):
             coarse.inverse[place + k - first] = shared[x + k]
-        meet_team()
+        synchronize_team()
 
     return invert

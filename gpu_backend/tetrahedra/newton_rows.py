@@ -27,7 +27,7 @@ from softlab.model.tetrahedra.springs import PARTS
 def make_rows(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Make `gather`, `apply` and `settle_row`.
 
-    `gather(n, rows, found)`: block n of the rows, summed over its tetrahedra and springs; `apply(k, rows, blocks,
+    `gather(n, rows, element_blocks)`: block n of the rows, summed over its tetrahedra and springs; `apply(k, rows, blocks,
     vector)`: a row's product; `settle_row(k, particles, solver, world, number)`: the row's diagonal and its
     inverse: 1 if that is not positive, else 0.
     """
@@ -40,11 +40,11 @@ def make_rows(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     zero, one, next_one = real(0), real(1), np.int32(1)
 
     @inline
-    def gather(n, rows, found):
+    def gather(n, rows, element_blocks):
         s = zero, zero, zero, zero, zero, zero, zero, zero, zero
         for place in range(rows.sources[n], rows.sources[n + next_one]):
             item = rows.items[place]
-            m = load_block(found, np.int32(item >> 1))
+            m = load_block(element_blocks, np.int32(item >> 1))
             if item & 1:
                 m = transposed(m)
             s = added(s, m)
@@ -100,8 +100,8 @@ def make_solving(real: Any, math: str, apply: Any) -> Any:
     preconditioned, dot, load_six = products.preconditioned, products.dot, make_block_access(math).load_six
 
     @inline
-    def moved_3(a, share, b):
-        return moved(a[0], share, b[0]), moved(a[1], share, b[1]), moved(a[2], share, b[2])
+    def moved_3(a, fraction, b):
+        return moved(a[0], fraction, b[0]), moved(a[1], fraction, b[1]), moved(a[2], fraction, b[2])
 
     @inline
     def solve(kind, k, particles, solver, added, alpha, beta):
@@ -134,10 +134,10 @@ def make_solving(real: Any, math: str, apply: Any) -> Any:
 @cache
 def make_moving(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Make `weigh(k, solver, world, number)`, the potential's gradient at particle k and its energy without
-    tetrahedra, and `move(kind, k, v, share)`, the passes that only move it, with its summand in MOVE."""
+    tetrahedra, and `move(kind, k, v, fraction)`, the passes that only move it, with its summand in MOVE."""
     inline, formulas = inlined(math), device_formulas(newton.make, real, math)
     products = device_formulas(solving.make, real, math)
-    inertia_of, kept, moved = formulas.inertia_of, formulas.inertial_energy, formulas.moved
+    inertia_of, inertial_energy, moved = formulas.inertia_of, formulas.inertial_energy, formulas.moved
     scaled, dot, contact = products.scaled, products.dot, make_contact(real, math, parts)
     has_bodies, within, zero, next_one = contact.has_bodies, contact.within, real(0), np.int32(1)
     pulled, sprung = make_pulled(real, math), bool(parts & PARTS)
@@ -149,17 +149,17 @@ def make_moving(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
         parameters = world.parameters
         inertia = inertia_of(parameters.newton_inertia, b[3])
         x, y, z = at[0] - target[0], at[1] - target[1], at[2] - target[2]
-        total = kept(inertia, x, y, z)
+        total = inertial_energy(inertia, x, y, z)
         x, y, z = scaled(inertia, x, y, z)
         for n in range(rows.meets[k], rows.meets[k + next_one]):
             f = load_quad(matrix.forces, rows.corners[n])
             x, y, z = x + f[0], y + f[1], z + f[2]
         if sprung:
-            p, q, r, _, held = pulled(k, v.position, solver.springs)
-            total, x, y, z = total + held, x + p, y + q, z + r
+            p, q, r, _, spring_energy = pulled(k, v.position, solver.springs)
+            total, x, y, z = total + spring_energy, x + p, y + q, z + r
         if has_bodies:
             p, q, r, hard = within(b, at, matrix.stiffness[k], world, number)
-            total = total + kept(hard, p, q, r)
+            total = total + inertial_energy(hard, p, q, r)
             x, y, z = moved(x, hard, p), moved(y, hard, q), moved(z, hard, r)
         store_quad(v.trial, k, x, y, z, zero)
         return total
@@ -169,11 +169,11 @@ def make_moving(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
         store_quad(v.position, k, x, y, z, b[3])
 
     @inline
-    def move(kind, k, v, share):
+    def move(kind, k, v, fraction):
         b, total = load_quad(v.before, k), zero
         if kind == MOVE:
             c, s, g = load_quad(v.current, k), load_quad(v.solution, k), load_quad(v.gradient, k)
-            put(k, v, b, moved(c[0], share, s[0]), moved(c[1], share, s[1]), moved(c[2], share, s[2]))
+            put(k, v, b, moved(c[0], fraction, s[0]), moved(c[1], fraction, s[1]), moved(c[2], fraction, s[2]))
             total = dot(g[0], g[1], g[2], s[0], s[1], s[2])
         elif kind == SOLVE:
             g = load_quad(v.gradient, k)

@@ -21,25 +21,25 @@ TEAM = 32  # threads
 THREADS = TEAM if simulated() else 256  # per block; the simulator's are Python threads
 UNIT = max(THREADS, SUMMED)  # tetrahedra that a block processes at once
 TEAMS = THREADS // TEAM
-ROOM = 2560  # numbers
+CAPACITY = 2560  # numbers
 SLOTS = THREADS if simulated() else TEAMS  # partial sums of a block's threads, if teams have no shuffles
 EVERY = 0xFFFFFFFF  # lanes of a warp
 
 
 @cache
 def make_sums(real: Any, math: str) -> SimpleNamespace:
-    """Make `meet_team`, `add_groups`, `total` and `add_team`.
+    """Make `synchronize_team`, `add_groups`, `total` and `add_team`.
 
-    `meet_team()`: a barrier of a team. `add_groups(shared, sums, width, group, count, parts)`: of the `sums` x UNIT
+    `synchronize_team()`: a barrier of a team. `add_groups(shared, sums, width, group, count, parts)`: of the `sums` x UNIT
     numbers in `shared`, of which `width` count, the sums of each SUMMED become parts[s count + group], + 1, ...
     `total(shared, sums, count, parts)`: the sums of all `count`, in shared[0], shared[1]. `add_team(shared, base,
     columns, lane, running)`: of `columns` x TEAM numbers from `base` on, lane c adds those of column c to `running`.
     """
     inline, zero, warps = inlined(math), real(0), not simulated()
-    summed, unit, team, room = np.int32(SUMMED), np.int32(UNIT), np.int32(TEAM), np.int32(ROOM // 2)
+    summed, unit, team, capacity = np.int32(SUMMED), np.int32(UNIT), np.int32(TEAM), np.int32(CAPACITY // 2)
 
     @inline
-    def meet_team():
+    def synchronize_team():
         if warps:
             cuda.syncwarp()
         else:
@@ -62,16 +62,16 @@ def make_sums(real: Any, math: str) -> SimpleNamespace:
     def total(shared, sums, count, parts):
         t, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
         running = zero
-        for first in range(0, count, room):
-            many = np.int32(min(room, np.int32(count - first)))
+        for first in range(0, count, capacity):
+            many = np.int32(min(capacity, np.int32(count - first)))
             cuda.syncthreads()
             for s in range(sums):
                 for n in range(t, many, threads):
-                    shared[s * room + n] = parts[s * count + first + n]
+                    shared[s * capacity + n] = parts[s * count + first + n]
             cuda.syncthreads()
             if t < sums:
                 for n in range(many):
-                    running = running + shared[t * room + n]
+                    running = running + shared[t * capacity + n]
         cuda.syncthreads()
         if t < sums:
             shared[t] = running
@@ -79,19 +79,19 @@ def make_sums(real: Any, math: str) -> SimpleNamespace:
 
     @inline
     def add_team(shared, base, columns, lane, running):
-        meet_team()
+        synchronize_team()
         if lane < columns:
             first = np.int32(base + lane * team)
             for n in range(team):
                 running = running + shared[first + n]
-        meet_team()
+        synchronize_team()
         return running
 
-    found = {"meet_team": meet_team, "add_groups": add_groups, "total": total, "add_team": add_team}
+    functions = {"synchronize_team": synchronize_team, "add_groups": add_groups, "total": total, "add_team": add_team}
     if math != "exact":
         quick = make_quick_totals(real, math)
-        found |= {"add_groups": quick.add_groups, "total": quick.total}
-    return SimpleNamespace(**found)
+        functions |= {"add_groups": quick.add_groups, "total": quick.total}
+    return SimpleNamespace(**functions)
 
 
 @cache
@@ -103,7 +103,7 @@ def make_quick_sums(real: Any, math: str) -> SimpleNamespace:
     `place` SLOTS ... of a block, to be summed by `slots(shared, place)` after a barrier.
     """
     inline, zero, warps = inlined(math), real(0), not simulated()
-    team, slot_count, scratch = np.int32(TEAM), np.int32(SLOTS), np.int32(ROOM - THREADS)
+    team, slot_count, scratch = np.int32(TEAM), np.int32(SLOTS), np.int32(CAPACITY - THREADS)
 
     @inline
     def of_team(shared, x):

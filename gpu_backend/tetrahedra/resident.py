@@ -41,8 +41,8 @@ from softlab.gpu_backend.tetrahedra.slabs import (
     BORDER_BEFORE,
     HEADER,
     LIST,
+    LOCAL,
     MOST_THREADS,
-    OWN,
     SHARED,
     STARTS,
 )
@@ -51,14 +51,14 @@ from softlab.model.particles.constraints import Projection
 
 @cache
 def make_exchange(real: Any, math: str) -> SimpleNamespace:
-    """Make `tell(messages, at, quads, first, count, tag)` and `hear(messages, at, quads, first, count, tag, failed)`,
+    """Make `send_border(messages, at, quads, first, count, tag)` and `hear(messages, at, quads, first, count, tag, failed)`,
     run by the threads of a block together: send vertices `first` ... of the slab, in the messages from `at` on, and
     wait for such messages."""
     words, inline = make_messages(real), inlined(math)
     send, receive = words.send, words.receive
 
     @inline
-    def tell(messages, at, quads, first, count, tag):
+    def send_border(messages, at, quads, first, count, tag):
         n, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
         while n < count:  # not a range: its number of iterations would be a quotient
             q = load_quad(quads, np.int32(first + n))
@@ -70,10 +70,10 @@ def make_exchange(real: Any, math: str) -> SimpleNamespace:
         n, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
         while n < count:
             x, y, z, here = receive(messages, np.int32(at + n), tag)
-            looks = np.int32(0)
+            checks = np.int32(0)
             while not here:
-                looks += np.int32(1)
-                if looks > PATIENCE or ((looks & 1023) == 0 and read_flag(failed, 0) != 0):
+                checks += np.int32(1)
+                if checks > PATIENCE or ((checks & 1023) == 0 and read_flag(failed, 0) != 0):
                     raise_flag(failed, 0, np.int32(1))
                     break
                 x, y, z, here = receive(messages, np.int32(at + n), tag)
@@ -81,7 +81,7 @@ def make_exchange(real: Any, math: str) -> SimpleNamespace:
             store_quad(quads, vertex, x, y, z, load_quad(quads, vertex)[3])
             n = np.int32(n + threads)
 
-    return SimpleNamespace(tell=tell, hear=hear)
+    return SimpleNamespace(send_border=send_border, hear=hear)
 
 
 @cache
@@ -89,13 +89,18 @@ def make_turn(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Make, for one mass, `begin(p, v, particle, world, step)`, the prediction from the state, and `end(before, now,
     world, number)` -> (position, velocity) after substep `number`; all quads."""
     forces, motion = make_forces(real, math, parts), make_motion(real, math, parts, AXES)
-    add_gravity, add_own, predict, settle = forces.add_gravity, forces.add_own, motion.predict, motion.settle
+    add_gravity, add_particle_force, predict, settle = (
+        forces.add_gravity,
+        forces.add_particle_force,
+        motion.predict,
+        motion.settle,
+    )
     inline, zero = inlined(math), real(0)
 
     @inline
     def begin(p, v, particle, world, step):
         ax, ay, az = add_gravity(zero, zero, zero, world.parameters)
-        ax, ay, az = add_own(ax, ay, az, particle, p[3], world.parameters, world.integers, step)
+        ax, ay, az = add_particle_force(ax, ay, az, particle, p[3], world.parameters, world.integers, step)
         x, y, z = predict(p, v, ax, ay, az, world.parameters)
         return x, y, z, p[3]
 
@@ -142,20 +147,20 @@ def make_sweep(real: Any, math: str, projection: Projection) -> SimpleNamespace:
     def sweep(
         first, last, colours, starts, tables, now, before, corners, values, multipliers, count, fresh, constants, ready
     ):  # fmt: skip
-        start, runs, held = ready
+        start, runs, ready_values = ready
         for colour in range(first, last):
             coming, many = bounds(np.int32(colour + 1) if colour + 1 < colours else zero, starts, tables)
             n, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
             while n < runs:
                 place = np.int32(run * start + n)
-                take(now, before, corners, values, multipliers, held, place, runs, count, fresh, constants)
+                take(now, before, corners, values, multipliers, ready_values, place, runs, count, fresh, constants)
                 n = np.int32(n + threads)
                 if n < runs:
-                    held = fetch(corners, values, np.int32(start + n), np.int32(run * start + n), count)
+                    ready_values = fetch(corners, values, np.int32(start + n), np.int32(run * start + n), count)
             start, runs = coming, many
-            held = fetched(start, runs, corners, values, count)  # loaded while others are waited for
+            ready_values = fetched(start, runs, corners, values, count)  # loaded while others are waited for
             cuda.syncthreads()
-        return start, runs, held
+        return start, runs, ready_values
 
     return SimpleNamespace(ahead=ahead, sweep=sweep)
 
@@ -172,8 +177,8 @@ def make_tetrahedra_resident(real: Any, math: str, parts: frozenset[str], projec
     """
     turn, clock = make_turn(real, math, parts), make_clock(math, parts)
     exchange, of_sweep = make_exchange(real, math), make_sweep(real, math, projection)
-    begin, end, tell, hear, ahead, sweep = (
-        turn.begin, turn.end, exchange.tell, exchange.hear, of_sweep.ahead, of_sweep.sweep
+    begin, end, send_border, hear, ahead, sweep = (
+        turn.begin, turn.end, exchange.send_border, exchange.hear, of_sweep.ahead, of_sweep.sweep
     )  # fmt: skip
     constants_of, is_damped = make_constants(real, math, projection), projection.damped
     no_colour, no_place, one = np.int32(0), np.int64(0), np.int64(1)
@@ -184,21 +189,21 @@ def make_tetrahedra_resident(real: Any, math: str, parts: frozenset[str], projec
         failed, record, bodies, integers, counter, early, colours, size, largest, steps, substeps, iterations,
     ):  # fmt: skip
         shared = cuda.shared.array(0, scalar, alignment=ALIGNMENT)
-        room = SIZE * largest
-        now, before = shared[:room], shared[room : 2 * room]
+        capacity = SIZE * largest
+        now, before = shared[:capacity], shared[capacity : 2 * capacity]
         head = np.int32(cuda.blockIdx.x * HEADER)
-        own, known, particles = tables[head + OWN], tables[head + ALL], tables[head + LIST]
+        local_count, known, particles = tables[head + LOCAL], tables[head + ALL], tables[head + LIST]
         common, starts, count = tables[head + SHARED], tables[head + STARTS], np.int32(size)
-        below, above, others = tables[head + BORDER_BEFORE], tables[head + BORDER_AFTER], np.int32(known - own)
+        below, above, others = tables[head + BORDER_BEFORE], tables[head + BORDER_AFTER], np.int32(known - local_count)
         world, constants = World(record[0], bodies, integers), constants_of(record[0])
-        mine, threads, tag = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x), np.int32(epoch)
+        thread, threads, tag = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x), np.int32(epoch)
         place, substep = no_place, no_place
         step, number = clock(counter, place, substeps, substep)
-        for n in range(mine, known, threads):
+        for n in range(thread, known, threads):
             k = tables[particles + n]
             p = load_quad(position, k)
             store_quad(before, np.int32(n), p[0], p[1], p[2], p[3])
-            if n < own:
+            if n < local_count:
                 p = begin(p, load_quad(velocity, k), k, world, step)
             store_quad(now, np.int32(n), p[0], p[1], p[2], p[3])
         ready = ahead(no_colour, starts, tables, corners, values, count)
@@ -212,23 +217,23 @@ def make_tetrahedra_resident(real: Any, math: str, parts: frozenset[str], projec
                     constants, ready,
                 )  # fmt: skip
                 if late:
-                    tell(messages, borders + above, now, own, others, tag)
+                    send_border(messages, borders + above, now, local_count, others, tag)
                     hear(messages, borders + below, now, 0, common, tag, failed)
                 else:
                     tag = np.int32(tag + 1)
-                    tell(messages, below, now, 0, common, tag)
+                    send_border(messages, below, now, 0, common, tag)
                     if is_damped:
                         if fresh:
-                            tell(messages, 2 * borders + below, before, 0, common, tag)
-                            hear(messages, 2 * borders + above, before, own, others, tag, failed)
-                    hear(messages, above, now, own, others, tag, failed)
+                            send_border(messages, 2 * borders + below, before, 0, common, tag)
+                            hear(messages, 2 * borders + above, before, local_count, others, tag, failed)
+                    hear(messages, above, now, local_count, others, tag, failed)
                 cuda.syncthreads()
             substep += one
             if substep == substeps:
                 place, substep = place + one, no_place
             step, coming = clock(counter, place, substeps, substep)
-            n = mine
-            while n < own:  # not a range: its number of iterations would be a quotient
+            n = thread
+            while n < local_count:  # not a range: its number of iterations would be a quotient
                 p, v = end(load_quad(before, n), load_quad(now, n), world, number)
                 k = tables[np.uint32(particles + n)]
                 if place < steps:

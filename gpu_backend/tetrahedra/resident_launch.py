@@ -52,10 +52,10 @@ def chosen_slabs(
 ) -> list[Slabs]:  # fmt: skip
     """Return the slabs of each set, of `layers` each, or the thinnest that all run at once on this GPU, or on one of
     `limits` (see `device_limits`). Raises SceneError if there are none."""
-    found = scene.tetrahedra_set
+    tetrahedra_set = scene.tetrahedra_set
     limits = limits or device_limits()
-    both = zip(constraint_sets(scene), tetrahedra_of_sets(found), strict=True)
-    return [_slabs(found, *each, real, layers, limits) for each in both]
+    both = zip(constraint_sets(scene), tetrahedra_of_sets(tetrahedra_set), strict=True)
+    return [_slabs(tetrahedra_set, *each, real, layers, limits) for each in both]
 
 
 def default_slabs(scene: Scene, real: Any, limits: tuple[int, int] | None = None) -> list[Slabs]:
@@ -69,7 +69,12 @@ def default_slabs(scene: Scene, real: Any, limits: tuple[int, int] | None = None
 
 
 def _slabs(
-    found: Any, one: ConstraintSet, tetrahedra: np.ndarray, real: Any, layers: int | None, limits: tuple[int, int]
+    tetrahedra_set: Any,
+    one: ConstraintSet,
+    tetrahedra: np.ndarray,
+    real: Any,
+    layers: int | None,
+    limits: tuple[int, int],
 ) -> Slabs:
     """Return the slabs of one set. Raises SceneError."""
     most_blocks, most_shared = limits
@@ -78,26 +83,26 @@ def _slabs(
         raise SceneError("--kernel", asked, "takes bodies of voxels, of which some here are not; use graph")
     if len(tetrahedra) > RUNS * one.run:
         raise SceneError("--kernel", asked, f"takes at most {RUNS} voxels; use graph")
-    deepest = int(found.voxel[tetrahedra, 0].max()) + 1
-    bodies = len(np.unique(found.body[tetrahedra]))
+    deepest = int(tetrahedra_set.voxel[tetrahedra, 0].max()) + 1
+    bodies = len(np.unique(tetrahedra_set.body[tetrahedra]))
     thick = layers or 2
     while True:
-        made = make_slabs(found, one, tetrahedra, thick)
-        if made.count <= most_blocks or layers is not None or thick >= deepest:
+        slabs = make_slabs(tetrahedra_set, one, tetrahedra, thick)
+        if slabs.count <= most_blocks or layers is not None or thick >= deepest:
             break
-        thick += 2 * max(1, round(thick * (made.count / most_blocks - 1) / 2))
-    if made.count > most_blocks:
+        thick += 2 * max(1, round(thick * (slabs.count / most_blocks - 1) / 2))
+    if slabs.count > most_blocks:
         raise SceneError(
             "--kernel", asked,
-            f"{made.count} slabs of {bodies} bodies cannot run at once, of which this GPU takes {most_blocks}; use graph",
+            f"{slabs.count} slabs of {bodies} bodies cannot run at once, of which this GPU takes {most_blocks}; use graph",
         )  # fmt: skip
-    if made.shared_bytes(real) > most_shared:
+    if slabs.shared_bytes(real) > most_shared:
         raise SceneError(
             "--kernel", asked,
-            f"a slab of {thick} layers needs {made.shared_bytes(real)} bytes of shared memory, a block has {most_shared}; "
+            f"a slab of {thick} layers needs {slabs.shared_bytes(real)} bytes of shared memory, a block has {most_shared}; "
             "use graph",
         )  # fmt: skip
-    return made
+    return slabs
 
 
 class ResidentSet:

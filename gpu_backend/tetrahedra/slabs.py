@@ -16,7 +16,7 @@ from softlab.model.particles.constraints import ConstraintSet
 from softlab.model.particles.tetrahedra_set import TetrahedraSet
 
 HEADER = 8  # numbers of a slab in `tables`, by index:
-OWN, ALL, LIST, SHARED, BORDER_BEFORE, BORDER_AFTER, STARTS = range(7)
+LOCAL, ALL, LIST, SHARED, BORDER_BEFORE, BORDER_AFTER, STARTS = range(7)
 ENOUGH_THREADS = 128  # per block, for vertices: more wait for one another longer than they save
 MOST_THREADS = 384  # per block: a thread may use 168 registers then
 QUADS = 2  # per vertex in shared memory: its position, its old position
@@ -59,16 +59,16 @@ class Slabs:
         return QUADS * 4 * self.largest * np.dtype(real).itemsize
 
 
-def make_slabs(found: TetrahedraSet, one: ConstraintSet, tetrahedra: np.ndarray, layers: int) -> Slabs:
+def make_slabs(tetrahedra_set: TetrahedraSet, one: ConstraintSet, tetrahedra: np.ndarray, layers: int) -> Slabs:
     """Return the slabs, of `layers` each, an even number, of a set of voxels; `tetrahedra` (n,): those of its
     constraints."""
     first = tetrahedra[:: one.run]
-    layer, body = found.voxel[first, 0].astype(np.int64), found.body[first].astype(np.int64)
+    layer, body = tetrahedra_set.voxel[first, 0].astype(np.int64), tetrahedra_set.body[first].astype(np.int64)
     vertices = one.corners.reshape(len(first), -1)
     _, slab = np.unique(np.column_stack([body, layer // layers]), axis=0, return_inverse=True)
     slab = slab.reshape(-1)
     count = int(slab.max()) + 1
-    owner = np.full(found.particle_count, -1)
+    owner = np.full(tetrahedra_set.particle_count, -1)
     odd = layer % 2 == 1
     owner[vertices[odd]] = slab[odd, None]
     owner[vertices[~odd]] = slab[~odd, None]
@@ -76,7 +76,7 @@ def make_slabs(found: TetrahedraSet, one: ConstraintSet, tetrahedra: np.ndarray,
     colour = np.repeat(np.arange(one.colours), np.diff(one.starts) // one.run)
     order, starts = _places(slab * one.colours + colour, count * one.colours, one.run)
     corners = np.empty((len(tetrahedra), 4), np.int32)
-    number = np.empty(found.particle_count, np.int32)
+    number = np.empty(tetrahedra_set.particle_count, np.int32)
     for k in range(count):
         number[np.concatenate(lists[k])] = np.arange(sum(map(len, lists[k])))
         here = slice(*(one.run * starts[[k * one.colours, (k + 1) * one.colours]]))
@@ -116,11 +116,11 @@ def _tables(
     head = np.zeros((len(lists), HEADER), np.int32)
     rest: list[np.ndarray] = []
     at = head.size
-    for k, (shared, own, foreign) in enumerate(lists):
+    for k, (shared, local, foreign) in enumerate(lists):
         places = starts[k * colours : (k + 1) * colours + 1]
-        known = len(shared) + len(own) + len(foreign)
-        head[k, [OWN, ALL, LIST, SHARED]] = known - len(foreign), known, at, len(shared)
+        known = len(shared) + len(local) + len(foreign)
+        head[k, [LOCAL, ALL, LIST, SHARED]] = known - len(foreign), known, at, len(shared)
         head[k, [BORDER_BEFORE, BORDER_AFTER, STARTS]] = borders[k], borders[k + 1], at + known
-        rest += [shared, own, foreign, places]
+        rest += [shared, local, foreign, places]
         at += known + len(places)
     return np.concatenate([head.ravel(), *rest]).astype(np.int32)

@@ -18,21 +18,22 @@ from softlab.model.formulas.elastic import sleep
 
 @cache
 def make_sleep(real: Any, math: str) -> SimpleNamespace:
-    """Compile `look(velocity, earlier, slow, speed, record)`, which marks slow vertices, and `keep(before, position,
-    velocity, earlier, slow, offsets, neighbours)`, which resets positions and velocities.
+    """Compile `find_slow(velocity, earlier, slow, speed, record)`, which marks slow vertices,
+    and `restore_resting(before, position, velocity, earlier, slow, offsets, neighbours)`,
+    which resets positions and velocities.
 
     `slow` (particles,) int32; `earlier`: velocities at the end of the last substep.
     """
     is_slow = device_formulas(sleep.make, real, math).is_slow
     zero, next_one = real(0), np.int32(1)
 
-    def look(velocity, earlier, slow, speed, record):
+    def find_slow(velocity, earlier, slow, speed, record):
         k, parameters = np.int32(cuda.grid(1)), record[0]  # type: ignore[call-arg]
         if k < slow.size:
             v, w = load_quad(velocity, k), load_quad(earlier, k)
             slow[k] = 1 if is_slow(v, w, speed, parameters.gravity, parameters.dt) else 0
 
-    def keep(before, position, velocity, earlier, slow, offsets, neighbours):
+    def restore_resting(before, position, velocity, earlier, slow, offsets, neighbours):
         k = np.int32(cuda.grid(1))  # type: ignore[call-arg]
         if k < slow.size:
             p, v = load_quad(position, k), load_quad(velocity, k)
@@ -47,4 +48,4 @@ def make_sleep(real: Any, math: str) -> SimpleNamespace:
             else:
                 store_quad(earlier, k, v[0], v[1], v[2], zero)
 
-    return make_kernels((look, keep), f"sleep_{variant_name(real, math)}", **kernel_options(math))
+    return make_kernels((find_slow, restore_resting), f"sleep_{variant_name(real, math)}", **kernel_options(math))

@@ -78,16 +78,16 @@ class Tetrahedra(MeshPositionBased):
             self._near = self.on_device(near.offsets), self.on_device(near.indices)
             self._sleeping_speed = self.real(method.sleeping_speed)
 
-    def _keep_places(self, before: Any, position: Any, velocity: Any) -> None:
+    def _restore_resting(self, before: Any, position: Any, velocity: Any) -> None:
         kernels, slow = self._sleepers, self._slow_ones
-        kernels.look[self._flat](velocity, self._earlier, slow, self._sleeping_speed, self.record)
-        kernels.keep[self._flat](before, position, velocity, self._earlier, slow, *self._near)
+        kernels.find_slow[self._flat](velocity, self._earlier, slow, self._sleeping_speed, self.record)
+        kernels.restore_resting[self._flat](before, position, velocity, self._earlier, slow, *self._near)
 
     def end_substep(self, place: int, substep: int) -> None:
         """Launch the stages after the iterations (SubstepSimulation)."""
         super().end_substep(place, substep)
         if SLEEPING in self.plan.parts:
-            self._keep_places(self.substep_start, self.position[self._current], self.velocity[self._current])
+            self._restore_resting(self.substep_start, self.position[self._current], self.velocity[self._current])
 
     def state_taken(self) -> None:
         """Take the velocities of a replaced state as the earlier ones, as a substep has ended."""
@@ -100,7 +100,7 @@ class Tetrahedra(MeshPositionBased):
 
     def _stages(self) -> dict[str, StageRun]:
         position, velocity, before = self.position[0], self.velocity[0], self.position[1]
-        return super()._stages() | {SLEEP: lambda moment: self._keep_places(before, position, velocity)}
+        return super()._stages() | {SLEEP: lambda moment: self._restore_resting(before, position, velocity)}
 
     def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
         """Upload the state; its velocities become the earlier ones."""

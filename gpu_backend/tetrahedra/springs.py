@@ -33,9 +33,9 @@ def make_pulled(real: Any, math: str) -> Any:
 
     @inline
     def pulled(k, position, springs):
-        meets, entries, corners, values = springs
+        offsets, entries, corners, values = springs
         x, y, z, hard, total = zero, zero, zero, zero, zero
-        for n in range(meets[k], meets[k + one]):
+        for n in range(offsets[k], offsets[k + one]):
             entry = entries[n]
             c, v = wide * (entry >> four), long * (entry >> four)
             points = (
@@ -47,10 +47,10 @@ def make_pulled(real: Any, math: str) -> Any:
                 values[v], values[v + 1], values[v + 2], values[v + 3], values[v + 4], values[v + 5], values[v + 6],
                 values[v + 7],
             )  # fmt: skip
-            p, q, r, own, held = pull(points, numbers, (entry >> one) & seven)
-            x, y, z, hard = x + p, y + q, z + r, hard + own
+            p, q, r, stiffness, energy = pull(points, numbers, (entry >> one) & seven)
+            x, y, z, hard = x + p, y + q, z + r, hard + stiffness
             if entry & one:
-                total = total + held
+                total = total + energy
         return x, y, z, hard, total
 
     return pulled

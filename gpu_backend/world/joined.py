@@ -20,7 +20,7 @@ THREADS = 128
 
 
 @cache
-def make_ways(real: Any) -> SimpleNamespace:
+def make_transfers(real: Any) -> SimpleNamespace:
     """Compile `take`, `give` and `carry`.
 
     `take(quads, particles, first, rows)`: quad first + k is that of particles[k]; `give(rows, weights, particles,
@@ -65,15 +65,15 @@ class Joined:
         self.before, self.position = (
             cuda.to_device(np.zeros(SIZE * len(particles), real), stream=stream) for _ in range(2)
         )
-        self._weights, self._ways = cuda.to_device(self.weights, stream=stream), make_ways(real)
+        self._weights, self._transfers = cuda.to_device(self.weights, stream=stream), make_transfers(real)
         self._members: list[tuple[SubstepSimulation, Any, np.int64, tuple[Any, ...]]] = []
         for name, member in members.items():
             place = slices[name]
             first, stop = map(int, np.searchsorted(particles, [place.start, place.stop]))
             if stop > first:
-                own = cuda.to_device((particles[first:stop] - place.start).astype(np.int32), stream=stream)
+                indices = cuda.to_device((particles[first:stop] - place.start).astype(np.int32), stream=stream)
                 launch = (-(-(stop - first) // THREADS), THREADS, stream)
-                self._members.append((member, own, np.int64(first), launch))
+                self._members.append((member, indices, np.int64(first), launch))
 
     @property
     def launches(self) -> int:
@@ -82,15 +82,15 @@ class Joined:
 
     def take(self, fresh: bool) -> None:
         """Read the members' positions; with `fresh` also those at the start of the substep."""
-        for member, own, first, launch in self._members:
-            self._ways.take[launch](member.position[member._current], own, first, self.position)
+        for member, indices, first, launch in self._members:
+            self._transfers.take[launch](member.position[member._current], indices, first, self.position)
             if fresh:
-                self._ways.take[launch](member.substep_start, own, first, self.before)
+                self._transfers.take[launch](member.substep_start, indices, first, self.before)
 
     def give(self) -> None:
         """Write the positions back to the members."""
-        for member, own, first, launch in self._members:
-            there = self.position, self._weights, own, first, member.position[member._current]
+        for member, indices, first, launch in self._members:
+            there = self.position, self._weights, indices, first, member.position[member._current]
             if member.inertial is not None:
-                self._ways.carry[launch](*there, member.inertial)
-            self._ways.give[launch](*there)
+                self._transfers.carry[launch](*there, member.inertial)
+            self._transfers.give[launch](*there)

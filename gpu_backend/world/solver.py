@@ -21,7 +21,7 @@ from softlab.model.core.families import family_of, scene_plan
 from softlab.model.core.plan import Executor, StageRun
 from softlab.model.core.simulation import Options, Simulation
 from softlab.model.scene.scene import Scene
-from softlab.model.world.meeting import MEMBERS_MEET, cross_surface
+from softlab.model.world.meeting import MEMBERS_MEETING, cross_surface
 from softlab.model.world.plan import BEGIN, FIND, GIVE, PROJECT, TAKE, coupled
 from softlab.model.world.simulation import STAGES, WorldSimulation
 from softlab.model.world.solids import solids_of
@@ -76,13 +76,13 @@ class World(WorldSimulation, Launched):
     def _join(self) -> None:
         """Allocate the particles in contact."""
         if not simulated():
-            needed = surface_contact_bytes(self.scene, np.dtype(self.real).itemsize, MEMBERS_MEET)
+            needed = surface_contact_bytes(self.scene, np.dtype(self.real).itemsize, MEMBERS_MEETING)
             count = self.scene.world_set.particle_count
             require(needed, memory_info()[0], "contact", f"{count} particles", "GPU memory")
         weights, meeting = self.body.inverse_mass * self.scene.grid.mass, cross_surface(self.scene)
         self.joined = Joined(meeting.particles, self.members, self.slices, weights, self.stream)
         variant = self.real, self.options.math
-        self.contacts = SurfaceContacts(self.scene, *variant, self.joined.weights, self.stream, MEMBERS_MEET)
+        self.contacts = SurfaceContacts(self.scene, *variant, self.joined.weights, self.stream, MEMBERS_MEETING)
 
     # ------------------------------------------------------------------ a step
 
@@ -130,12 +130,12 @@ class World(WorldSimulation, Launched):
     @property
     def _launches(self) -> int:
         """Number of launches of a step."""
-        own = sum(member._launches for member in self.members.values())
+        launches = sum(member._launches for member in self.members.values())
         if not self.joined or not self.contacts:
-            return own
+            return launches
         each, method = self.joined.launches, self.scene.method
         cross = 2 * each + self.contacts.finding + method.iterations * (2 * each + self.contacts.projecting)
-        return own + method.substeps * cross
+        return launches + method.substeps * cross
 
     def _cross_stages(self) -> dict[str, StageRun]:
         joined, contacts = self.joined, self.contacts

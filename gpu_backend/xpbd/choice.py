@@ -40,7 +40,7 @@ AIR_BYTES = 32  # of shared memory, for the wind's velocity
 LAUNCH, BARRIER, MASS, STREAM = 1.8, 0.08, 1.3e-4, 1e-5
 GATHER, ALL, FAMILY, FAR = 2.9e-3, 1.3, 0.35, 2.5e-5
 
-CONTACTS_REACH = "self_collision reaches across the sheet: no tile holds what a mass meets"
+CONTACTS_SPAN = "self_collision reaches across the sheet: no tile holds what a mass meets"
 
 
 @dataclass(frozen=True)
@@ -95,8 +95,8 @@ def estimate(scene: Scene, parts: frozenset[str], choice: Choice, processors: in
     if choice.kernel == "one-block":
         return _sweep_time(parts, rows * columns)
     blocks = choice.tile.rows.count(rows) * choice.tile.columns.count(columns)
-    share = -(-blocks // processors)  # for one multiprocessor, which runs them together or one after the other
-    masses = choice.tile.rows.size * choice.tile.columns.size * share
+    blocks_each = -(-blocks // processors)  # for one multiprocessor, which runs them together or one after the other
+    masses = choice.tile.rows.size * choice.tile.columns.size * blocks_each
     return LAUNCH / choice.depth + _sweep_time(parts, masses)
 
 
@@ -131,7 +131,7 @@ def default_xpbd_kernel(
     `limits`: (multiprocessors, bytes of shared memory that a block can have); None: this GPU's.
     """
     if scene.self_collision:
-        return "graph", CONTACTS_REACH
+        return "graph", CONTACTS_SPAN
     if scene.method.matches_shapes:
         return "graph", "two launches an iteration"
     limits = limits or device_limits()
@@ -165,7 +165,7 @@ def xpbd_kernel(scene: Scene, real: Any, parts: frozenset[str], asked: str | Non
     if kernel == "graph" and not can_capture():
         raise SceneError("--kernel", asked, "the CUDA simulator cannot capture graphs; use launch")
     if scene.self_collision and kernel in ("tiled", "one-block"):
-        raise SceneError("--kernel", asked, f"{CONTACTS_REACH}; use graph")
+        raise SceneError("--kernel", asked, f"{CONTACTS_SPAN}; use graph")
     if scene.method.matches_shapes and kernel in ("tiled", "one-block"):
         raise SceneError("--kernel", asked, "knows constraints of springs only; of shape-matching use graph")
     limits = device_limits()
@@ -189,8 +189,8 @@ def _tiled(scene: Scene, real: Any, parts: frozenset[str], asked: str, name: str
         if choice is None:
             raise SceneError("--kernel", asked, f"no tile fits the {limits[1]} bytes of shared memory of a block")
         return choice
-    found = re.fullmatch(r"(\d{1,3})x(\d{1,3})x(\d{1,4})d(\d)", name)
-    rows, columns, threads, depth = (int(text) for text in found.groups()) if found else (0, 0, 0, 0)
+    match = re.fullmatch(r"(\d{1,3})x(\d{1,3})x(\d{1,4})d(\d)", name)
+    rows, columns, threads, depth = (int(text) for text in match.groups()) if match else (0, 0, 0, 0)
     if min(rows, columns, depth) < 1 or rows % PERIOD or columns % PERIOD or not 32 <= threads <= MAX_THREADS:
         raise SceneError(
             "--kernel", asked, "a tile is ROWSxCOLUMNSxTHREADSdDEPTH, such as tiled:16x16x384d1: multiples of "

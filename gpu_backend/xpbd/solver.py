@@ -108,10 +108,10 @@ class PositionBased(SubstepSimulation):
         """Allocate (particles, count) anchors and maximum distances; a mass with fewer anchors repeats the nearest."""
         attachments = self.scene.attachments
         assert attachments is not None
-        anchor, reach = sheet_reaches(self.scene, self.body, self.real)
+        anchor, max_distance = sheet_reaches(self.scene, self.body, self.real)
         self.attachments = attachments.anchors
         self.anchors = self.on_device(np.ascontiguousarray(anchor, np.int32).reshape(-1))
-        self.reaches = self.on_device(np.ascontiguousarray(reach).reshape(-1))
+        self.reaches = self.on_device(np.ascontiguousarray(max_distance).reshape(-1))
 
     # ------------------------------------------------------------------ kernels
 

@@ -38,8 +38,8 @@ def colour_slots(tile: SheetTile, family: Family) -> int:
 def register_multipliers(parts: frozenset[str], tile: SheetTile) -> int:
     """Return the number of multipliers that a thread stores; at least 1, since no array is empty."""
     if "gauss-seidel" in parts:
-        found = (colour_slots(tile, family) for family, _ in colour_order(parts) if compliant(parts, family))
-        return max(1, sum(found))
+        slots = (colour_slots(tile, family) for family, _ in colour_order(parts) if compliant(parts, family))
+        return max(1, sum(slots))
     soft = sum(f"{kind}-compliance" in parts for kind in KINDS)
     return max(1, 4 * soft * masses_each(tile))
 

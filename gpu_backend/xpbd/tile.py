@@ -63,13 +63,13 @@ class SheetTile:
 def span(parts: frozenset[str], along_rows: bool, owned: int, iterations: int = 1) -> Span:
     """Return the tile along an axis that owns `owned` masses (a multiple of PERIOD), placed so that its halo is
     smallest."""
-    found = []
+    candidates = []
     for offset in (0, 2):
         first, end = dependencies(parts, along_rows, offset, offset + owned, iterations)
         before = offset - first + (offset - first) % 2
         size = before + end - offset
-        found.append(Span(size + size % 2, owned, before, offset - PERIOD if offset else 0))
-    return min(found, key=lambda s: s.size)
+        candidates.append(Span(size + size % 2, owned, before, offset - PERIOD if offset else 0))
+    return min(candidates, key=lambda s: s.size)
 
 
 def whole(rows: int, columns: int, threads: int) -> SheetTile:

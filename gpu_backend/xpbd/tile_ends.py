@@ -65,7 +65,7 @@ def make_tile_ends(real: Any, math: str, parts: frozenset[str], axes: int, tile:
     motion, tether_mass = make_motion(real, math, parts, axes), make_tethers(real, math)
     predict, settle = motion.predict, motion.settle
     jacobi = make_gather(real, math, parts, axes)
-    valence_of, share_of, has_shares = jacobi.valence_of, jacobi.share_of, "gauss-seidel" not in parts
+    valence_of, weight_of, has_valences = jacobi.valence_of, jacobi.weight_of, "gauss-seidel" not in parts
     (mass, owned), each = _make_places(math, tile), masses_each(tile)
     damped, tethered, zero, inline = dampers(parts), "attachments" in parts, real(0), inlined(math)
 
@@ -80,8 +80,8 @@ def make_tile_ends(real: Any, math: str, parts: frozenset[str], axes: int, tile:
                 )
                 x, y, z = predict(p, v, ax, ay, az, parameters)
                 spare = p[3]
-                if has_shares:
-                    spare = share_of(valence_of(Cell(i, j, rows, columns)), spare)
+                if has_valences:
+                    spare = weight_of(valence_of(Cell(i, j, rows, columns)), spare)
                 store_quad(shared, here, x, y, z, spare)
                 if damped:
                     store_quad(before, here, p[0], p[1], p[2], p[3])
@@ -114,16 +114,16 @@ def make_tile_ends(real: Any, math: str, parts: frozenset[str], axes: int, tile:
     @inline
     def store(shared, old, target, origin, rows, columns):
         for slot in range(each):
-            mine, here, k = owned(slot, origin, rows, columns)
-            if mine:
+            is_owned, here, k = owned(slot, origin, rows, columns)
+            if is_owned:
                 p = load_quad(shared, old + here)
                 store_quad(target, k, p[0], p[1], p[2], p[3])
 
     @inline
     def close_substep(shared, old, state, target, velocity, origin, world, number, rows, columns):
         for slot in range(each):
-            mine, here, k = owned(slot, origin, rows, columns)
-            if mine:
+            is_owned, here, k = owned(slot, origin, rows, columns)
+            if is_owned:
                 b = load_quad(state, k)
                 px, py, pz, vx, vy, vz = settle(b, load_quad(shared, old + here), world, number)
                 store_quad(target, k, px, py, pz, b[3])
@@ -189,8 +189,8 @@ def _colour_moves(math: str, tile: SheetTile, family: Any, colour: int, first_sl
         row, column = np.int32(origin[0] + i), np.int32(origin[1] + j)
         there = there and row >= 0 and column >= 0 and row + down < rows and column + along < columns
         there = there and i + down < most_rows and j + along < most_columns
-        mine = i >= first_row and i < end_row and j + lead >= first_column and j + lead < end_column
-        return there, there and mine, np.int64(plane) * rows * columns + np.int32(row * columns + column)
+        is_owned = i >= first_row and i < end_row and j + lead >= first_column and j + lead < end_column
+        return there, there and is_owned, np.int64(plane) * rows * columns + np.int32(row * columns + column)
 
     @inline
     def fetch(multipliers, planes, origin, rows, columns):
@@ -202,8 +202,8 @@ def _colour_moves(math: str, tile: SheetTile, family: Any, colour: int, first_sl
     @inline
     def leave(multipliers, planes, origin, rows, columns):
         for slot in range(slots):
-            _, mine, at = place_of(slot, origin, rows, columns)
-            if mine:
+            _, is_owned, at = place_of(slot, origin, rows, columns)
+            if is_owned:
                 planes[at] = multipliers[first_slot + slot]
 
     return fetch, leave
@@ -225,8 +225,8 @@ def _jacobi_moves(math: str, parts: frozenset[str], tile: SheetTile) -> SimpleNa
     @inline
     def leave(multipliers, planes, origin, rows, columns):
         for slot in range(each):
-            mine, _, k = owned(slot, origin, rows, columns)
-            if mine:
+            is_owned, _, k = owned(slot, origin, rows, columns)
+            if is_owned:
                 for n in range(slots):
                     planes[np.int64(n) * rows * columns + k] = multipliers[slot * slots + n]
 

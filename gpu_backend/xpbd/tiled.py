@@ -75,7 +75,7 @@ def make_one_block(real: Any, math: str, parts: frozenset[str], axes: int, tile:
     ends, iterate = make_tile_ends(real, math, parts, axes, tile), make_iterate(real, math, parts, axes, tile)
     open_substep, close_substep = ends.open_substep, ends.close_substep
     constants_of, clock, block_air = make_constants(math), make_clock(math, parts), make_block_air(real, math, parts)
-    kept, scalar = register_multipliers(parts, tile), np.dtype(real) if simulated() else real
+    register_count, scalar = register_multipliers(parts, tile), np.dtype(real) if simulated() else real
     before_place = np.int32((copies(parts) - dampers(parts)) * tile.quads * 4 if dampers(parts) else 0)
     zero, no_place = real(0), np.int32(0)
 
@@ -87,7 +87,7 @@ def make_one_block(real: Any, math: str, parts: frozenset[str], axes: int, tile:
         world = World(parameters, bodies, integers)
         shared = cuda.shared.array(0, scalar, alignment=ALIGNMENT)
         before = shared[before_place:]
-        multipliers = cuda.local.array(kept, real)
+        multipliers = cuda.local.array(register_count, real)
         rows, columns = np.int32(rows), np.int32(columns)
         bounds, origin = (no_place, rows, no_place, columns), (no_place, no_place)
         constants = constants_of(parameters)
@@ -95,7 +95,7 @@ def make_one_block(real: Any, math: str, parts: frozenset[str], axes: int, tile:
             for substep in range(substeps):
                 step, number = clock(counter, place, substeps, substep)
                 air = block_air(parameters, integers, number, zero)
-                for slot in range(kept):
+                for slot in range(register_count):
                     multipliers[slot] = zero
                 open_substep(
                     position, velocity, shared, before, origin, parameters, integers, step, air, rows, columns
@@ -128,7 +128,7 @@ def make_tiled(real: Any, math: str, parts: frozenset[str], axes: int, tile: She
     open_substep, load, store, close_substep = ends.open_substep, ends.load, ends.store, ends.close_substep
     fetch, leave = moves.fetch, moves.leave
     constants_of, clock, block_air = make_constants(math), make_clock(math, parts), make_block_air(real, math, parts)
-    kept, scalar = register_multipliers(parts, tile), np.dtype(real) if simulated() else real
+    register_count, scalar = register_multipliers(parts, tile), np.dtype(real) if simulated() else real
     before_place = np.int32((copies(parts) - dampers(parts)) * tile.quads * 4 if dampers(parts) else 0)
     first_row, first_column = (
         np.int32(tile.rows.start - tile.rows.before),
@@ -146,7 +146,7 @@ def make_tiled(real: Any, math: str, parts: frozenset[str], axes: int, tile: She
         world = World(parameters, bodies, integers)
         shared = cuda.shared.array(0, scalar, alignment=ALIGNMENT)
         before = shared[before_place:]
-        multipliers = cuda.local.array(kept, real)
+        multipliers = cuda.local.array(register_count, real)
         rows, columns = np.int32(rows), np.int32(columns)
         i = np.int32(cuda.blockIdx.y * step_down + first_row)
         j = np.int32(cuda.blockIdx.x * step_across + first_column)
@@ -157,7 +157,7 @@ def make_tiled(real: Any, math: str, parts: frozenset[str], axes: int, tile: She
         )  # fmt: skip
         step, number = clock(counter, place, substeps, substep)
         constants = constants_of(parameters)
-        for slot in range(kept):
+        for slot in range(register_count):
             multipliers[slot] = zero
         if opening:
             air = block_air(parameters, integers, number, zero)

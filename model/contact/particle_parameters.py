@@ -33,8 +33,8 @@ PAIRS = len(PARTICLE_CONTACT_PARAMETERS)  # index of the first row
 PAIR_FIELDS = 6
 (
     G_DISTANCE,  # m, between two bodies; 0: no contact
-    G_OWN,  # m, within one body; 0: no contact
-    G_REACH,  # m: search distance of neighbours
+    G_SELF_DISTANCE,  # m, within one body; 0: no contact
+    G_SEARCH_RADIUS,  # m: search distance of neighbours
     G_ACTIVE,  # m: contact distance, or with adhesion the largest distance at which it pulls
     G_PULL,  # m: displacement of both by adhesion in one projection, a fraction of that of a substep
     G_NEIGHBOURS,  # m: pairs nearer than that at rest are neighbours
@@ -71,7 +71,7 @@ def particle_contact_record(scene: Scene, real: type) -> np.ndarray:
     assert part is not None
     h = scene.method.dt / scene.method.substeps
     values = {
-        "inverse_cell": 1 / float(rows[:, :, G_REACH].max()),
+        "inverse_cell": 1 / float(rows[:, :, G_SEARCH_RADIUS].max()),
         "push": part.separation_speed * h,
         "static_friction": part.static_friction,
         "dynamic_friction": part.dynamic_friction,

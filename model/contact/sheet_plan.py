@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from softlab.model.core.own_forces import force_features, own_forces
+from softlab.model.core.own_forces import force_features, particle_forces
 from softlab.model.core.plan import Stage
 from softlab.model.formulas import wind
 from softlab.model.scene.scene import Scene
@@ -42,7 +42,7 @@ def particle_force_stages(parts: frozenset[str], memory: int = 1) -> Stages:
     prediction."""
     return tuple(
         Stage(force.stage, force.traffic * memory, force.traffic * memory, force.operations)
-        for force in own_forces(parts)
+        for force in particle_forces(parts)
     )
 
 

@@ -14,8 +14,8 @@ from softlab.model.contact.attachments import contact_free
 from softlab.model.contact.particle_parameters import (
     G_DISTANCE,
     G_NEIGHBOURS,
-    G_OWN,
-    G_REACH,
+    G_SEARCH_RADIUS,
+    G_SELF_DISTANCE,
     H_INVERSE_CELL,
     PAIR_FIELDS,
     PAIRS,
@@ -198,11 +198,11 @@ def surface_pairs(scene: Scene) -> np.ndarray:
     surface, distance = contact_surface(scene.tetrahedra_set), contact_distance(scene)
     rows = np.zeros((len(surface.edge), len(surface.edge), PAIR_FIELDS))
     rows[:, :, G_DISTANCE] = distance
-    rows[:, :, G_REACH] = np.hypot(distance * (1 + MARGIN + APPROACH), STRETCH * surface.corner)
+    rows[:, :, G_SEARCH_RADIUS] = np.hypot(distance * (1 + MARGIN + APPROACH), STRETCH * surface.corner)
     rows[:, :, G_NEIGHBOURS] = APART * surface.edge
     parts = scene.tetrahedra.values()
     self_colliding = [*(part.self_collision for part in parts), *([False] if scene.mesh else [])]
-    rows[:, :, G_OWN] = np.diag(np.where(self_colliding, distance, 0.0))
+    rows[:, :, G_SELF_DISTANCE] = np.diag(np.where(self_colliding, distance, 0.0))
     return rows
 
 
@@ -212,7 +212,7 @@ def neighbour_record(rows: np.ndarray, real: type) -> np.ndarray:
     `rows`: as from `surface_pairs`.
     """
     head = np.zeros(PAIRS)
-    head[H_INVERSE_CELL] = 1 / rows[:, :, G_REACH].max()
+    head[H_INVERSE_CELL] = 1 / rows[:, :, G_SEARCH_RADIUS].max()
     return np.concatenate([head, rows.reshape(-1)]).astype(real)
 
 
@@ -231,4 +231,4 @@ class Meeting:
         return surface_record(scene, self.distance(scene), real)
 
 
-TETRAHEDRA_MEET = Meeting(lambda scene: contact_surface(scene.tetrahedra_set), contact_distance, surface_pairs)
+TETRAHEDRA_MEETING = Meeting(lambda scene: contact_surface(scene.tetrahedra_set), contact_distance, surface_pairs)

@@ -1,8 +1,8 @@
 """Forces that depend on one particle alone, not on its neighbours: written once for both backends, for two axes and
 three.
 
-A new one is an entry of OWN_FORCES: every plan gets its part and stage from it, and every record its constants. Kernels
-call `own` of `make_own` and do not depend on which forces there are, separate or fused, on threads or on CUDA.
+A new one is an entry of PARTICLE_FORCES: every plan gets its part and stage from it, and every record its constants. Kernels
+call `own` of `make_particle_forces` and do not depend on which forces there are, separate or fused, on threads or on CUDA.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ def _poke_values(scene: Scene, poke: Sequence[float], axes: int) -> dict[str, fl
     return {f"poke_{axis}": force / scene.grid.mass for axis, force in zip("xyz"[:axes], poke, strict=True)}
 
 
-OWN_FORCES = (
+PARTICLE_FORCES = (
     OwnForce(
         "external",
         "external force",
@@ -107,35 +107,35 @@ OWN_FORCES = (
 
 def force_features(scene: Scene, live: frozenset[str]) -> set[str]:
     """Return the parts of the forces that the scene has, or that may be switched on."""
-    return {force.part for force in OWN_FORCES if force.present(scene, live)}
+    return {force.part for force in PARTICLE_FORCES if force.present(scene, live)}
 
 
 def force_values(scene: Scene, poke: Sequence[float], axes: int) -> dict[str, float]:
     """Return the constants of all these forces over mass [m/s^2], 0 where the scene has none."""
     values: dict[str, float] = {}
-    for force in OWN_FORCES:
+    for force in PARTICLE_FORCES:
         values |= force.values(scene, poke, axes)
     return values
 
 
 def force_names(axes: int) -> tuple[str, ...]:
     """Return the names of the constants."""
-    return tuple(name for force in OWN_FORCES for name in force.names if axes == 3 or not name.endswith("_z"))
+    return tuple(name for force in PARTICLE_FORCES for name in force.names if axes == 3 or not name.endswith("_z"))
 
 
 def force_fields() -> dict[str, str]:
     """Return the scene's field that each constant follows from."""
-    return {name: force.field for force in OWN_FORCES for name in force.names}
+    return {name: force.field for force in PARTICLE_FORCES for name in force.names}
 
 
-def own_forces(parts: frozenset[str]) -> tuple[OwnForce, ...]:
+def particle_forces(parts: frozenset[str]) -> tuple[OwnForce, ...]:
     """Return these forces among the parts, in the order in which they are added."""
-    return tuple(force for force in OWN_FORCES if force.part in parts)
+    return tuple(force for force in PARTICLE_FORCES if force.part in parts)
 
 
-def own_changes(parts: frozenset[str]) -> bool:
+def particle_forces_change(parts: frozenset[str]) -> bool:
     """Return True if one of them depends on the step number."""
-    return any(force.changes for force in own_forces(parts))
+    return any(force.changes for force in particle_forces(parts))
 
 
 def make_add(compiled: Any, formulas_of: FormulasOf, axes: int, parts: frozenset[str]) -> Any:
@@ -158,7 +158,7 @@ def make_add(compiled: Any, formulas_of: FormulasOf, axes: int, parts: frozenset
     return add
 
 
-def make_own(real: Any, compiled: Any, formulas_of: FormulasOf, axes: int, parts: frozenset[str]) -> Any:
+def make_particle_forces(real: Any, compiled: Any, formulas_of: FormulasOf, axes: int, parts: frozenset[str]) -> Any:
     """Make accelerate(a, k, weight, parameters, integers, step) -> the acceleration `a` of particle k plus these forces.
 
     `a`: `axes` numbers [m/s^2]. `weight`: the sheet's mass over the particle's, where the scene has a `load`.
@@ -170,7 +170,7 @@ def make_own(real: Any, compiled: Any, formulas_of: FormulasOf, axes: int, parts
     def accelerate(a, k, weight, parameters, integers, step):
         return a
 
-    for force in own_forces(parts):
+    for force in particle_forces(parts):
         accelerate = _then(accelerate, force.make(real, compiled, formulas_of, axes), add, compiled)
     return _counted_in_sheet(accelerate, compiled) if WINDOW in parts else accelerate
 
@@ -190,7 +190,7 @@ def in_window(plan: Plan, first_particle: int | None) -> Plan:
 
     Only a force that uses particle numbers makes a difference.
     """
-    if first_particle is None or not own_forces(plan.parts):
+    if first_particle is None or not particle_forces(plan.parts):
         return plan
     return replace(plan, parts=plan.parts | {WINDOW})
 

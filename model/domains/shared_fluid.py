@@ -79,7 +79,7 @@ class SharedFluid(WindowedSimulation):
 
     def _set_particles(self, place: int, number: np.ndarray, values: np.ndarray) -> None:
         with self._at(place):
-            self.windows[place].hold(number, values)
+            self.windows[place].set_particles(number, values)
         self._claim(place, number, values)
 
     def _claim(self, place: int, number: np.ndarray, values: np.ndarray) -> None:

@@ -83,7 +83,7 @@ from __future__ import annotations
 
 from math import pi
 
-from softlab.model.core.own_forces import force_features, own_forces
+from softlab.model.core.own_forces import force_features, particle_forces
 from softlab.model.core.plan import Node, Plan, Stage
 from softlab.model.fluid.divergence_plan import divergence_stages
 from softlab.model.formulas import colliders
@@ -158,7 +158,7 @@ def fluid_plan(scene: Scene, live: frozenset[str] = frozenset(), solids: bool = 
     listed = round(neighbours / axes)  # of four bytes each, counted as scalars
     gathered = round(neighbours)
     touch = sum(colliders.OPERATIONS[kind] for kind, _ in scene.colliders)
-    forces = sum(force.operations for force in own_forces(parts))
+    forces = sum(force.operations for force in particle_forces(parts))
     factors = round(neighbours * density.OPERATIONS_FACTORS)
     if scene.method.scheme == "divergence-free":
         find = round(looked_at * density.OPERATIONS_FIND) + factors

@@ -17,7 +17,7 @@ SPRINGS_EACH = 4  # of a kind, on an interior mass
 PRODUCT_STAGE = "product with the matrix, spring by spring"  # of implicit Euler
 
 
-def kicks_meet(parts: frozenset[str]) -> bool:
+def kicks_coupled(parts: frozenset[str]) -> bool:
     """Return True if velocity Verlet's two adjacent kicks between steps may share one evaluation of the forces.
 
     Where no force depends on a neighbour's velocity they are the same. Wind and dampers along springs use the current

@@ -12,7 +12,7 @@ from softlab.model.core.integrators import IMPLICIT, explicit_limit, integrators
 from softlab.model.core.parameters import parameter_record
 from softlab.model.core.sharing.decomposition import Stencil, require_local
 from softlab.model.core.stability.springs import sheet_spring_count, sheet_strain, stored_in_springs
-from softlab.model.mass_spring.cloth_plan import cloth_plan, kicks_meet
+from softlab.model.mass_spring.cloth_plan import cloth_plan, kicks_coupled
 from softlab.model.mass_spring.plan import mass_spring_plan
 from softlab.model.scene.scene import Scene
 from softlab.model.tables.cloth import COLLIDER_KINDS, SPRING_KINDS
@@ -44,7 +44,7 @@ def _cloth_stencil(scene: Scene) -> Stencil:
     name = scene.method.integrator
     if name in IMPLICIT:
         raise SceneError("method.integrator", name, "solves for the whole cloth at once: choose another to share it")
-    apart = name == "velocity-verlet" and not kicks_meet(cloth_parts(scene))
+    apart = name == "velocity-verlet" and not kicks_coupled(cloth_parts(scene))
     forces = 2 if apart else integrators_for(scene)[name].forces
     rows = 2 if "bending" in scene.cloth_springs else 1
     return Stencil(rows, forces, rows if name == "velocity-verlet" and not apart else 0)

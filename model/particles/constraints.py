@@ -93,5 +93,7 @@ class ConstraintSet:
 
 def coloured(kind: str, model: str, corners: np.ndarray, values: np.ndarray, particles: int) -> ConstraintSet:
     """Return the set of these constraints, sorted by colours."""
-    found = colour(corners, particles)
-    return ConstraintSet(kind, model, np.ascontiguousarray(corners[found.order]), values[found.order], found.starts)
+    colouring = colour(corners, particles)
+    return ConstraintSet(
+        kind, model, np.ascontiguousarray(corners[colouring.order]), values[colouring.order], colouring.starts
+    )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from softlab.model.contact.sheet_plan import FRICTION_IN_PLACE, WIND
-from softlab.model.core.own_forces import own_forces
+from softlab.model.core.own_forces import particle_forces
 from softlab.model.core.plan import Node, Plan, Stage
 from softlab.model.formulas import colliders, contact, distance
 from softlab.model.particles.constraints import ConstraintSet
@@ -72,7 +72,7 @@ def constrained_plan(scene: Scene, parts: frozenset[str], sets: Sequence[tuple[C
     """
     method = scene.method
     forces = 3 * distance.OPERATIONS_PREDICT + ("gravity" in parts)
-    forces += sum(force.operations + 3 for force in own_forces(parts) if force.operations)
+    forces += sum(force.operations + 3 for force in particle_forces(parts) if force.operations)
     forces += WIND * ("wind" in parts)
     particles = scene.grid.particle_count
     colours: list[Stage] = []

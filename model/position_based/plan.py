@@ -87,8 +87,8 @@ def families(scene_parts: frozenset[str]) -> tuple[Family, ...]:
 
 def colour_order(scene_parts: frozenset[str]) -> list[tuple[Family, int]]:
     """Return (family, its colour 0 or 1) in the order of Gauss-Seidel projections: 4 to 12 of them, or none."""
-    found = [(family, colour) for family in families(scene_parts) for colour in (0, 1)]
-    return sorted(found, key=lambda entry: entry[0].colours[entry[1]])
+    order = [(family, colour) for family in families(scene_parts) for colour in (0, 1)]
+    return sorted(order, key=lambda entry: entry[0].colours[entry[1]])
 
 
 def constraint_count(scene: Scene) -> int:
@@ -132,9 +132,10 @@ def xpbd_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
 
 
 def position_based_step(
-    scene: Scene, parts: frozenset[str], search: Stages, iterated: Stages, turned: Stages, ends: Stages
+    scene: Scene, parts: frozenset[str], search: Stages, iterated: Stages, after_iterations: Stages, ends: Stages
 ) -> Node:
-    """Return a step: in each substep forces, predictions, `search`, iterations of the stages `iterated`, `turned`, velocities
+    """Return a step: in each substep forces, predictions, `search`, iterations of the stages `iterated`,
+    `after_iterations`, velocities
     from positions, `ends`."""
     method, axes = scene.method, scene.dimensions
     outside: list[Stage] = []
@@ -146,7 +147,9 @@ def position_based_step(
     predict = Stage("predict", 2, 2, axes * distance.OPERATIONS_PREDICT)
     update = Stage("update velocity", 2, 1, axes * distance.OPERATIONS_UPDATE)
     iteration = Node("iteration", iterated, method.iterations)
-    substep = Node("substep", (*outside, predict, *search, iteration, *turned, update, *ends), method.substeps)
+    substep = Node(
+        "substep", (*outside, predict, *search, iteration, *after_iterations, update, *ends), method.substeps
+    )
     return Node("step", (substep,))
 
 

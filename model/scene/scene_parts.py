@@ -184,8 +184,8 @@ class SceneParts:
     def content(self) -> str:
         """Kind of the scene's particles: `world`, or of their only family `fluids`, `tetrahedra` (and a cloth beside them),
         `bodies` or `sheet`."""
-        own = {"world": self.is_world, "fluids": self.fluids, "tetrahedra": self.tetrahedra, "bodies": self.bodies}
-        return next((name for name, particles in own.items() if particles), "sheet")
+        contents = {"world": self.is_world, "fluids": self.fluids, "tetrahedra": self.tetrahedra, "bodies": self.bodies}
+        return next((name for name, particles in contents.items() if particles), "sheet")
 
     @cached_property
     def members(self) -> dict[str, Any]:

@@ -23,14 +23,14 @@ def window_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[
 
 def body_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[str]:
     """Return the features of bodies that need code: `clusters`, their deformations, `links`, contacts."""
-    found = scene.body_set
-    links = {"links"} if found.links.count else set()
-    spare = {"spare"} if any(copy.waits for copy in (found.whole or found).copies) else set()
-    lattices = {"lattices"} if found.lattices else set()
+    body_set = scene.body_set
+    links = {"links"} if body_set.links.count else set()
+    spare = {"spare"} if any(copy.waits for copy in (body_set.whole or body_set).copies) else set()
+    lattices = {"lattices"} if body_set.lattices else set()
     couples = {"couples"} if scene.contact and scene.contact.static_friction > 0 and has_turning(scene) else set()
     return (
         window_parts(scene, live)
-        | found.alike.loose.parts
+        | body_set.alike.loose.parts
         | contact_parts(scene)
         | rigid_parts(scene)
         | links
@@ -42,8 +42,8 @@ def body_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[st
 
 def has_turning(scene: Scene) -> bool:
     """Return True if a loose cluster has several particles, so that a friction couple can rotate it."""
-    found = scene.body_set.alike.loose
-    return bool((found.offsets[1:] - found.offsets[:-1] > 1).any())
+    loose = scene.body_set.alike.loose
+    return bool((loose.offsets[1:] - loose.offsets[:-1] > 1).any())
 
 
 def lattice_stages(region: int) -> tuple[Stage, ...]:
@@ -157,9 +157,11 @@ def body_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
     search: Stages = ()
     if scene.contact:
         search = (Stage("find neighbours", 3, 1, BODIES_LOOKED_AT * particle_contact.OPERATIONS_SEARCH),)
-        met = CONTACTS_PER_PARTICLE * (particle_contact.OPERATIONS_COUNT + particle_contact.OPERATIONS_PROJECT)
-        iterated += (Stage("project contacts", 4, 1, scene.contact.sweeps * met),)
-    turned = (couple_stage(scene),) if "couples" in parts else ()
+        contact_operations = CONTACTS_PER_PARTICLE * (
+            particle_contact.OPERATIONS_COUNT + particle_contact.OPERATIONS_PROJECT
+        )
+        iterated += (Stage("project contacts", 4, 1, scene.contact.sweeps * contact_operations),)
+    after_iterations = (couple_stage(scene),) if "couples" in parts else ()
     bounces = Stage(
         "bounce", 6, 1, CONTACTS_PER_PARTICLE * particle_contact.OPERATIONS_BOUNCE
     )  # positions, velocities of pairs
@@ -172,6 +174,6 @@ def body_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
     )  # compares the positions at a substep's ends
     late = bounce if "rigid-bounce" in parts else ()  # after colliders, which support the bodies under others
     ends = (*steady, *(() if late else bounce), *slow, *collisions(scene), *rebounds, *late, *rest)
-    root = position_based_step(scene, parts, search, iterated, turned, ends)
+    root = position_based_step(scene, parts, search, iterated, after_iterations, ends)
     passes = sum(stage.reads + stage.writes for stage in root.stages() if stage.name != "collide")
     return Plan(root, passes, parts, dimensions=scene.dimensions)

@@ -19,11 +19,11 @@ def contact_sag(scene: Scene) -> np.ndarray:
     g h^2 M/m_l. Then the collider puts them back, as a spring of m_l / h^2 would. In a body of the height H, with the
     mean edge e of its surface, M/m_l is 2 H/e: half of each element's mass lies at its lower end.
     """
-    found, method = scene.tetrahedra_set, scene.method
+    tetrahedra_set, method = scene.tetrahedra_set, scene.method
     gravity = scene.gravity.acceleration if scene.gravity is not None and scene.gravity.enabled else 0.0
-    ends = np.append(found.first_particle, found.particle_count)[: len(found.parts) + 1]
-    height = np.array([np.ptp(found.position[a:b, 1]) for a, b in pairwise(ends)])
-    edge = contact_surface(found).edge[: len(found.parts)]
+    ends = np.append(tetrahedra_set.first_particle, tetrahedra_set.particle_count)[: len(tetrahedra_set.parts) + 1]
+    height = np.array([np.ptp(tetrahedra_set.position[a:b, 1]) for a, b in pairwise(ends)])
+    edge = contact_surface(tetrahedra_set).edge[: len(tetrahedra_set.parts)]
     return 2 * abs(gravity) * (method.dt / method.substeps) ** 2 * height / edge**2
 
 

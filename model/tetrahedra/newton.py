@@ -19,7 +19,7 @@ import numpy as np
 from softlab.model.base.clock import START, Clock
 from softlab.model.base.errors import SceneError
 from softlab.model.contact.substep_parameters import XPBD_FIELDS, xpbd_values
-from softlab.model.core.own_forces import own_forces
+from softlab.model.core.own_forces import particle_forces
 from softlab.model.core.parameters import rounded_record
 from softlab.model.core.plan import Node, Plan, Stage
 from softlab.model.core.stability.projection import projection_limit, with_limit
@@ -125,7 +125,7 @@ def newton_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
     blocks = 1 + 2 * len(body_set.edges[0]) / particles
     turns = deformation.OPERATIONS_ROTATION[4]
     forces = 3 * distance.OPERATIONS_PREDICT + ("gravity" in parts)
-    forces += sum(force.operations + 3 for force in own_forces(parts) if force.operations)
+    forces += sum(force.operations + 3 for force in particle_forces(parts) if force.operations)
     evaluation = Stage("forces and energy of tetrahedra", 4, 2, round(each * (turns + tangent.OPERATIONS_STRESS)) + 20)
     shape = tangent.operations_axes(4) + tangent.OPERATIONS_MODULI + 6 * tangent.OPERATIONS_BLOCK
     rows = Stage("rows of the matrix", round(each * 30), round(3 * blocks), round(each * (turns + shape + 16 * 9)))

@@ -82,12 +82,12 @@ def _strain(scene: Scene, position: np.ndarray, kind: str, arrays: Arrays) -> np
 
 def _lost(simulation: Any) -> dict[str, int]:
     """Return the sums over contacts between members and those of each member."""
-    found = contacts_lost(simulation)
+    lost = contacts_lost(simulation)
     members = _members(simulation.scene)
     for name, member in getattr(simulation, "members", {}).items():
         for what, count in members[name][0].lost(member).items():
-            found[what] = found.get(what, 0) + count
-    return found
+            lost[what] = lost.get(what, 0) + count
+    return lost
 
 
 WORLD = SolverFamily(

@@ -11,7 +11,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from softlab.model.contact.particle_parameters import G_DISTANCE, G_REACH, PAIR_FIELDS, kinds_of_particles
+from softlab.model.contact.particle_parameters import G_DISTANCE, G_SEARCH_RADIUS, PAIR_FIELDS, kinds_of_particles
 from softlab.model.contact.surface_parameters import (
     APPROACH,
     EDGE_FRACTION,
@@ -161,7 +161,7 @@ def _pairs(scene: Scene) -> np.ndarray:
     collide = (surface.member[:, None] != surface.member) & (surface.surface.edge > 0)
     rows = np.zeros((*collide.shape, PAIR_FIELDS))
     rows[:, :, G_DISTANCE] = distance[:, None] * collide
-    rows[:, :, G_REACH] = (
+    rows[:, :, G_SEARCH_RADIUS] = (
         np.hypot(distance[:, None] * (1 + MARGIN + APPROACH), STRETCH * surface.surface.corner) * collide
     )
     return rows
@@ -172,4 +172,4 @@ def _ratio(scene: Scene) -> np.ndarray:
     return (distances_of_groups(scene) / cross_distance(scene))[cross_surface(scene).surface.body]
 
 
-MEMBERS_MEET = Meeting(lambda scene: cross_surface(scene).surface, cross_distance, _pairs, _ratio)
+MEMBERS_MEETING = Meeting(lambda scene: cross_surface(scene).surface, cross_distance, _pairs, _ratio)

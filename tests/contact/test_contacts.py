@@ -49,7 +49,7 @@ def contacts_of(
 
 def kept(contacts: Contacts, array: np.ndarray) -> np.ndarray:
     """Of an array of contacts those that are held, by mass."""
-    held = np.arange(MAX_CONTACTS) < contacts.found[:, None]
+    held = np.arange(MAX_CONTACTS) < contacts.contact_counts[:, None]
     return array[held.ravel()]
 
 
@@ -125,7 +125,7 @@ def test_one_contact_puts_the_mass_at_the_thickness_with_the_weights_of_the_corn
     """C = h - d; moving along n by w_i g_i C / sum(g^2 w) with g = (1, -.2, -.5, -.3); Gershgorin's bound of a single contact
     is sum of |g| w load with loads |g|, here 1 + .04 + .25 + .09, the same: the constraint is met at once."""
     before, position, contacts = over_a_triangle(0.06, (0.0, -0.04, 0.0), static_friction=0.0, dynamic_friction=0.0)
-    assert contacts.found[7] == 1 and contacts.found.sum() == 1
+    assert contacts.contact_counts[7] == 1 and contacts.contact_counts.sum() == 1
     gradient = np.zeros(8)
     gradient[[7, 0, 4, 5]] = 1, -0.2, -0.5, -0.3
     predicted_gap = 0.02
@@ -155,8 +155,8 @@ def test_a_contact_is_made_for_what_will_touch(way: float) -> None:
 
 def test_nothing_is_found_beyond_thickness_margin_and_motion() -> None:
     """thickness 5 cm and a tenth of it: 5.5 cm, plus the motion of 1 cm."""
-    assert over_a_triangle(0.0649, (0.0, -0.01, 0.0))[2].found[7] == 1
-    assert over_a_triangle(0.0651, (0.0, -0.01, 0.0))[2].found[7] == 0
+    assert over_a_triangle(0.0649, (0.0, -0.01, 0.0))[2].contact_counts[7] == 1
+    assert over_a_triangle(0.0651, (0.0, -0.01, 0.0))[2].contact_counts[7] == 0
 
 
 @pytest.mark.parametrize(("slide", "static", "sticks"), [(0.005, 0.6, True), (0.02, 0.6, False)])
@@ -191,7 +191,7 @@ def test_what_is_found_and_projected_is_the_references(seed: int) -> None:
     found = reference.find(part, 12, 7, SPACING, before, predicted, h)
     counts = np.bincount(found.mass, minlength=len(before))
     contacts, position = contacts_of(scene, before, predicted, weights)
-    assert np.array_equal(contacts.found, counts) and counts.sum() > 500
+    assert np.array_equal(contacts.contact_counts, counts) and counts.sum() > 500
     assert contacts.lost == np.maximum(counts - MAX_CONTACTS, 0).sum() > 0
     first = found.nearest(MAX_CONTACTS)
     assert np.array_equal(kept(contacts, contacts.triangles), first.triangle)
@@ -241,7 +241,7 @@ def test_sweeps_converge_to_the_thickness() -> None:
         changed = scene.replace({"self_collision.sweeps": sweeps})
         contacts, position = contacts_of(changed, before, predicted)
         values, corners = kept(contacts, contacts.values), kept(contacts, contacts.corners)
-        mass = np.repeat(np.arange(len(before)), np.minimum(contacts.found, MAX_CONTACTS))
+        mass = np.repeat(np.arange(len(before)), np.minimum(contacts.contact_counts, MAX_CONTACTS))
         weights = np.stack([1 - values[:, 0] - values[:, 1], values[:, 0], values[:, 1]], axis=1)
         offset = position[mass] - np.einsum("nk,nkd->nd", weights, position[corners])
         depths.append(float((values[:, 5] - np.einsum("nk,nk->n", values[:, 2:5], offset)).max()))

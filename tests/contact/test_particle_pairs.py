@@ -11,9 +11,9 @@ from softlab.model.contact.particle_parameters import (
     G_ACTIVE,
     G_DISTANCE,
     G_NEIGHBOURS,
-    G_OWN,
     G_PULL,
-    G_REACH,
+    G_SEARCH_RADIUS,
+    G_SELF_DISTANCE,
     H_INVERSE_CELL,
     pair_rows,
     particle_contact_record,
@@ -39,8 +39,8 @@ def test_distances_are_the_sums_of_radii_and_adhesion_reaches_farther() -> None:
     np.testing.assert_allclose(rows[:, :, G_ACTIVE], rows[:, :, G_DISTANCE] * np.where(sticky, 1.25, 1.0))
     h = scene.method.dt / 2
     np.testing.assert_allclose(rows[:, :, G_PULL], np.where(sticky, 3.0 * h * h, 0.0))
-    assert (rows[:, :, G_REACH] > rows[:, :, G_ACTIVE]).all() and (
-        rows[:, :, G_REACH] < 1.5 * rows[:, :, G_ACTIVE]
+    assert (rows[:, :, G_SEARCH_RADIUS] > rows[:, :, G_ACTIVE]).all() and (
+        rows[:, :, G_SEARCH_RADIUS] < 1.5 * rows[:, :, G_ACTIVE]
     ).all()
     assert (rows[:, :, G_NEIGHBOURS] >= rows[:, :, G_DISTANCE]).all()
     np.testing.assert_array_equal(rows, rows.transpose(1, 0, 2))
@@ -57,7 +57,7 @@ def test_only_who_meets_itself_has_a_distance_of_its_own() -> None:
     """A soft body does unless it is told not to."""
     for told, own in (({}, True), ({"self_collision": False}, False)):
         rows = pair_rows(two(**told))
-        assert rows[:, :, G_OWN].tolist() == [[rows[0, 0, G_DISTANCE], 0], [0, own * rows[1, 1, G_DISTANCE]]]
+        assert rows[:, :, G_SELF_DISTANCE].tolist() == [[rows[0, 0, G_DISTANCE], 0], [0, own * rows[1, 1, G_DISTANCE]]]
 
 
 @pytest.mark.parametrize("real", [np.float32, np.float64])
@@ -65,14 +65,14 @@ def test_a_cell_is_as_large_as_the_longest_search(real: type) -> None:
     """So that all whom a particle may meet lie in the 27 cells around it; a larger one would only cost time."""
     scene = two()
     cell = 1 / float(particle_contact_record(scene, real)[H_INVERSE_CELL])
-    longest = float(pair_rows(scene)[:, :, G_REACH].max())
+    longest = float(pair_rows(scene)[:, :, G_SEARCH_RADIUS].max())
     assert longest * (1 - 1e-6) <= cell <= 1.01 * longest
 
 
 def test_whom_particles_may_meet_is_asked_by_distance_alone() -> None:
     """By hand: of three particles in a row the middle one is within reach of both, whatever the cells."""
     scene = meeting()
-    reach = pair_rows(scene)[0, 1, G_REACH]
+    reach = pair_rows(scene)[0, 1, G_SEARCH_RADIUS]
     body = scene.body_set.body
     first, second = int(np.flatnonzero(body == 0)[0]), int(np.flatnonzero(body == 1)[0])
     position = 100.0 + 10 * reach * np.arange(len(body))[:, None] * np.ones(3)

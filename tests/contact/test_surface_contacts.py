@@ -47,9 +47,9 @@ def test_contacts_are_the_references(seed: int) -> None:
     expected = reference.find(scene, 0.02, before, predicted)
     vertices, counts = np.unique(expected.mass, return_counts=True)
     assert len(vertices) > 10 and counts.max() <= MAX_CONTACTS
-    assert np.array_equal(np.flatnonzero(contacts.found), vertices)
-    assert np.array_equal(contacts.found[vertices], counts)
-    held = (np.arange(MAX_CONTACTS) < contacts.found[:, None]).ravel()
+    assert np.array_equal(np.flatnonzero(contacts.contact_counts), vertices)
+    assert np.array_equal(contacts.contact_counts[vertices], counts)
+    held = (np.arange(MAX_CONTACTS) < contacts.contact_counts[:, None]).ravel()
     assert np.array_equal(contacts.triangles[held], expected.triangle)
     assert np.array_equal(contacts.corners[held], expected.corners)
     values = contacts.values[held]
@@ -114,7 +114,7 @@ def test_cubes_that_collide_keep_their_momentum_and_part() -> None:
             simulation.advance(1)
             position = simulation.read("position")
             nearest = min(nearest, float(position[many:, 0].min() - position[:many, 0].max()))
-            touched += int(simulation.contacts.found.sum())  # type: ignore[attr-defined]
+            touched += int(simulation.contacts.contact_counts.sum())  # type: ignore[attr-defined]
         velocity = simulation.state().velocity
     visits = 30
     bound = visits * EPS * found.extent / h * float(mass.sum()) * steps * METHOD["substeps"] ** 0.5
@@ -215,7 +215,8 @@ def test_a_body_meets_itself_where_it_says_so() -> None:
 def end_state(scene: Scene, **options: Any) -> State:
     with open_simulation(scene, "cpu", initial=crumpled_state(scene), math="exact", **options) as simulation:
         simulation.advance(3)
-        assert simulation.contacts.found.any() and not simulation.contacts.neighbours_lost  # type: ignore[attr-defined]
+        assert simulation.contacts.contact_counts.any() and not simulation.contacts.neighbours_lost
+        # type: ignore[attr-defined]
         return simulation.state()
 
 

@@ -39,7 +39,7 @@ def test_a_heap_comes_to_rest_and_stays() -> None:
     moved = sorted(float(np.linalg.norm(shift[first:last].mean(axis=0))) for first, last in pairwise(ends))
     assert moved[-1] < 0.01, moved
     assert contacts.neighbours_lost == 0 and contacts.lost < 10
-    held = (np.arange(MAX_CONTACTS) < contacts.found[:, None]).ravel()
+    held = (np.arange(MAX_CONTACTS) < contacts.contact_counts[:, None]).ravel()
     values = contacts.values[held]
     assert len(values) > 100 and not (values[:, V_INSIDE] > 0).any()
 
@@ -51,7 +51,7 @@ def test_the_catalogues_heap_has_a_few_dozen_contacts_at_most_where_it_begins() 
     with open_simulation(scene, "cpu", math="exact") as simulation:  # kernels that the heap above has compiled
         simulation.advance(1)
         contacts = simulation.contacts  # type: ignore[attr-defined]
-        assert contacts.found.sum() < 50
+        assert contacts.contact_counts.sum() < 50
         assert np.linalg.norm(simulation.state().velocity, axis=1).max() < 2.0
 
 
@@ -64,7 +64,7 @@ def test_the_creature_comes_down_the_stairs() -> None:
     low, edge = float(contact_surface(scene.tetrahedra_set).rest[:, 1].min()), contact_distance(scene)
     with open_simulation(scene, "cpu") as simulation:
         simulation.advance(1)
-        assert simulation.contacts.found.sum() == 0  # type: ignore[attr-defined]
+        assert simulation.contacts.contact_counts.sum() == 0  # type: ignore[attr-defined]
         simulation.advance(179)
         position, contacts = simulation.read("position"), simulation.contacts  # type: ignore[attr-defined]
         assert contacts.neighbours_lost == 0

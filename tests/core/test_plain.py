@@ -16,7 +16,7 @@ from numba import prange
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.core.plain import SECONDS, SWITCH, TooLong, is_plain, plain_python
-from softlab.cpu_backend.core.progress import exchange, load_acquire, new_flags, new_team, shares, store_release
+from softlab.cpu_backend.core.progress import assigned, exchange, load_acquire, new_flags, new_team, store_release
 
 
 @pytest.fixture(autouse=True)
@@ -104,7 +104,7 @@ def test_nobody_waits_for_another() -> None:
         team = new_team(members)
         for member in prange(members):
             for phase in range(2):
-                for part in shares(team, member, count):
+                for part in assigned(team, member, count):
                     done[phase, part] += member + 1
 
     done = np.zeros((2, 3), np.int64)
@@ -139,7 +139,7 @@ def test_when_its_time_is_over_the_call_is_made_again_by_machine_code(inside: bo
     plain_python(True, 60.0)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("softlab.cpu_backend.core.compile.still_time", look)
-        patch.setattr("softlab.cpu_backend.core.plain._is_made", lambda _: False)  # kept from the last time, say
+        patch.setattr("softlab.cpu_backend.core.plain._is_dispatcher", lambda _: False)  # kept from the last time, say
         kernel(4, *given)
     assert not is_plain() and kernel.overloads
     assert numbers.tolist() == [1, 1, 1, 1] and seen.tolist() == [1, 1, 1, 1]

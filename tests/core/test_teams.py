@@ -13,7 +13,7 @@ import pytest
 from softlab.app import driver
 from softlab.app.auto_threads import AUTO, decide, open_quickest, step_seconds
 from softlab.cpu_backend.core.compile import Compiler
-from softlab.cpu_backend.core.progress import new_team, shares
+from softlab.cpu_backend.core.progress import assigned, new_team
 from softlab.cpu_backend.core.threads import BRIEF, POLICY, SPIN_COUNT, policy_of, wait_briefly
 from softlab.model.base.errors import Diverged
 
@@ -26,13 +26,13 @@ def work(team, member, parts, phases, states, times, who):
     for phase in range(phases):
         old, new = states[phase % 2], states[(phase + 1) % 2]
         if phase % 5 == 4:
-            for part in shares(team, member, 1):
+            for part in assigned(team, member, 1):
                 times[phase, part] += 1
                 who[phase, part] = member
                 for k in range(parts):
                     new[k] = (3 * old[k] + old[parts - 1 - k]) % 1000003
         else:
-            for part in shares(team, member, parts):
+            for part in assigned(team, member, parts):
                 times[phase, part] += 1
                 who[phase, part] = member
                 new[part] = (old[part] + 7 * old[(part + 1) % parts] + 11 * old[part - 1] + phase) % 1000003
@@ -99,7 +99,7 @@ def test_a_team_kernel_is_one_region_of_any_number_of_threads():
 
     def double(team, member, bands, passes, numbers):
         for _ in range(passes):
-            for band in shares(team, member, bands):
+            for band in assigned(team, member, bands):
                 for k in range(numbers.size * band // bands, numbers.size * (band + 1) // bands):
                     numbers[k] *= 2
 

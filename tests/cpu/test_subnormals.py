@@ -7,7 +7,7 @@ import pytest
 from softlab.app.command.doctor import examine
 from softlab.cpu_backend.core import subnormals
 from softlab.cpu_backend.core.compile import Compiler
-from softlab.cpu_backend.core.progress import shares
+from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.core.subnormals import FLUSH, control_register, flushes
 
 THREADS = min(2, numba.config.NUMBA_NUM_THREADS)
@@ -37,7 +37,7 @@ def halved(math, real, kind):
         results[band] = numbers[band] * numbers.dtype.type(0.5)
 
     def member(team, member, bands, seen, numbers, results):
-        for part in shares(team, member, bands):
+        for part in assigned(team, member, bands):
             seen[part] = control_register()
             results[part] = numbers[part] * numbers.dtype.type(0.5)
 

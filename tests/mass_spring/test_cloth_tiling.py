@@ -15,8 +15,8 @@ from softlab.gpu_backend.mass_spring.cloth.tiling import (
     most_to_fetch,
     overlap_of,
     plane_shape,
-    reach_of,
     span,
+    stencil_rows,
     tile_bytes,
 )
 
@@ -60,7 +60,7 @@ def test_no_block_fetches_more_than_it_has_room_for(
     halo: int, columns: int, strips: int, strip: int, more_rows: int, more_columns: int
 ) -> None:
     for parts in (SPRINGS, FEW):
-        overlap, rings = reach_of(parts) * (halo - 1), reach_of(parts) * halo
+        overlap, rings = stencil_rows(parts) * (halo - 1), stencil_rows(parts) * halo
         tile = Tile(columns + 2 * overlap, strips + 2 * overlap, strip, halo)
         sheet = tile.rows + more_rows, tile.columns + more_columns
         needs = []

@@ -156,7 +156,7 @@ def unknowing(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     from softlab.gpu_backend.core import forces
     from softlab.gpu_backend.mass_spring.grid import point
 
-    made = (point.make_point_functions, point.make_moves, forces.make_own_force)
+    made = (point.make_point_functions, point.make_moves, forces.make_particle_force)
     compile_formulas = point.device_formulas
 
     def formulas(make: Any, real: Any, math: str, **flags: bool) -> Any:

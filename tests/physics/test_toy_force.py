@@ -1,4 +1,4 @@
-"""A force on each particle by itself is one entry of OWN_FORCES, and every solver of both backends has it."""
+"""A force on each particle by itself is one entry of PARTICLE_FORCES, and every solver of both backends has it."""
 
 from __future__ import annotations
 

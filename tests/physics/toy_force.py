@@ -47,7 +47,7 @@ SCENES = {
 
 
 def main() -> None:
-    own_forces.OWN_FORCES += (
+    own_forces.PARTICLE_FORCES += (
         own_forces.OwnForce("lean", "lean", lambda scene, live: True, lean, ("lean",), values, "lean"),
     )
     import quicker  # the simulator without what costs most of its time

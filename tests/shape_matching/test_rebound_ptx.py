@@ -29,7 +29,7 @@ def text_of(name: str, real: Any, math: str) -> str:
     from softlab.gpu_backend.contact.particles_bounce import make_bounce
     from softlab.gpu_backend.contact.particles_project import make_contact_ends, make_project
     from softlab.gpu_backend.shape_matching.bodies_bounce import make_bodies_bounce, make_give
-    from softlab.gpu_backend.shape_matching.rebound import make_rebound, make_strike
+    from softlab.gpu_backend.shape_matching.rebound import make_collide_rebound, make_rebound
     from softlab.gpu_backend.shape_matching.rigid import make_begin, make_ends
 
     if name in RIGID:
@@ -51,7 +51,7 @@ def text_of(name: str, real: Any, math: str) -> str:
             make_give(real, math, True, True, True) if name == "give" else getattr(make_bodies_bounce(real, math), name)
         )
         return kernel_text(made, GIVEN[name], real, math)
-    made = make_strike(real, math, PARTS) if name == "strike" else make_contact_ends(real, math, PARTS).collide
+    made = make_collide_rebound(real, math, PARTS) if name == "strike" else make_contact_ends(real, math, PARTS).collide
     return kernel_text(made, ENDS[name], real, math)
 
 

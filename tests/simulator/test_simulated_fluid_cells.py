@@ -57,7 +57,7 @@ def made(kind: str, axes: int, most: int, real: Any) -> SimpleNamespace:
         cells.bound(given.position)
         cells.sort(record, given, into)
     find = make_density_kernels(real, "exact", frozenset({"flat"} if axes == 2 else ()), repeats, NEIGHBOURS).find
-    table = cells.table, cells.found, cells.counts
+    table = cells.table, cells.neighbour_counts, cells.counts
     find[-(-count // 32), 32](into.position, record, cells.sorted_keys, cells.numbers, cells.begins, *table)
     return SimpleNamespace(cells=cells, arrays=arrays, into=into, numbers=cells.numbers.copy_to_host())
 
@@ -91,7 +91,7 @@ def test_orders_and_lists_are_those_of_asking_all(kind: str, axes: int, most: in
         assert np.array_equal(rows, given[order], equal_nan=given.dtype == real)
 
     expected = near(quads[order, :3], PERIOD if kind == ROUND else 0.0)
-    kept = cells.found.copy_to_host()
+    kept = cells.neighbour_counts.copy_to_host()
     table = cells.table.copy_to_host().reshape(NEIGHBOURS, len(order))
     lists = [table[:n, i].tolist() for i, n in enumerate(kept)]
     assert any(len(others) > 2 for others in lists)

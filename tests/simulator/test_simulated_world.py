@@ -18,7 +18,7 @@ def end_state(scene: Scene, backend: str, **options: Any) -> State:
         simulation.advance(1)
         contacts: Any = simulation.contacts  # type: ignore[attr-defined]
         if contacts is not None:
-            found = contacts.found if backend == "cpu" else contacts.found.copy_to_host()
+            found = contacts.contact_counts if backend == "cpu" else contacts.contact_counts.copy_to_host()
             assert np.count_nonzero(found) and contacts.lost == contacts.neighbours_lost == 0
         return simulation.state()
 

@@ -15,7 +15,7 @@ from softlab.gpu_backend.tetrahedra.slabs import (
     BORDER_BEFORE,
     HEADER,
     LIST,
-    OWN,
+    LOCAL,
     SHARED,
     STARTS,
     Slabs,
@@ -56,14 +56,14 @@ def test_every_vertex_has_one_owner_and_every_tetrahedron_one_place(scene: Scene
         assert sorted(slabs.order.tolist()) == list(range(len(one.corners)))
         for k, head in enumerate(heads(slabs)):
             known = particles(slabs, k)
-            owners.append(known[: head[OWN]])
+            owners.append(known[: head[LOCAL]])
             assert len(np.unique(known)) == len(known) <= slabs.largest
             starts = slabs.tables[head[STARTS] : head[STARTS] + slabs.colours + 1]
             assert np.diff(starts).max() <= slabs.widest
             places = slice(one.run * starts[0], one.run * starts[-1])
             assert np.array_equal(known[slabs.corners[places]], one.corners[slabs.order[places]])
             early = slabs.corners[one.run * starts[0] : one.run * starts[slabs.early]]
-            assert early.size == 0 or early.max() < head[OWN]  # even layers need nobody else's
+            assert early.size == 0 or early.max() < head[LOCAL]  # even layers need nobody else's
     assert sorted(np.concatenate(owners).tolist()) == list(range(found.particle_count))
 
 
@@ -73,10 +73,10 @@ def test_neighbours_mean_the_same_vertices(scene: Scene) -> None:
     head = heads(slabs)
     assert slabs.count > 3 and slabs.borders > 0
     for k in range(slabs.count - 1):
-        foreign = particles(slabs, k)[head[k, OWN] :]
+        foreign = particles(slabs, k)[head[k, LOCAL] :]
         assert np.array_equal(foreign, particles(slabs, k + 1)[: head[k + 1, SHARED]])
         assert head[k, BORDER_AFTER] == head[k + 1, BORDER_BEFORE]
-    assert head[0, SHARED] == 0 and head[-1, OWN] == head[-1, ALL]
+    assert head[0, SHARED] == 0 and head[-1, LOCAL] == head[-1, ALL]
 
 
 def test_slabs_thicken_until_all_run_at_once() -> None:

@@ -11,8 +11,8 @@ from bodies_scenes import AWAY, SAMPLED, bodies_scene, method
 from softlab.model.contact.particle_parameters import (
     G_DISTANCE,
     G_NEIGHBOURS,
-    G_OWN,
-    G_REACH,
+    G_SEARCH_RADIUS,
+    G_SELF_DISTANCE,
     H_INVERSE_CELL,
     PAIR_FIELDS,
     PAIRS,
@@ -61,10 +61,10 @@ def neighbours(scene: Scene, position: np.ndarray, weight: np.ndarray, real: typ
 
     def meet(i: int, j: int) -> bool:
         row, same = rows[kind[i] * kinds + kind[j]], body_set.body[i] == body_set.body[j]
-        near = formulas.within(formulas.squared(*(position[i] - position[j])), row[G_REACH])
+        near = formulas.within(formulas.squared(*(position[i] - position[j])), row[G_SEARCH_RADIUS])
         if same:
             apart = formulas.squared(*(rest[i] - rest[j]))
-            return bool(near and row[G_OWN] > 0 and not formulas.within(apart, row[G_NEIGHBOURS]))
+            return bool(near and row[G_SELF_DISTANCE] > 0 and not formulas.within(apart, row[G_NEIGHBOURS]))
         return bool(near and row[G_DISTANCE] > 0)
 
     found = []

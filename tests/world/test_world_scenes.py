@@ -18,7 +18,7 @@ from softlab.model.contact.shortfalls import shortfalls
 from softlab.model.core.build import build, masses
 from softlab.model.core.families import family_of, scene_plan
 from softlab.model.scene.scene import Scene, load_scene
-from softlab.model.world.meeting import MEMBERS_MEET, cross_surface, distances_of_groups
+from softlab.model.world.meeting import MEMBERS_MEETING, cross_surface, distances_of_groups
 
 NAN = float("nan")
 
@@ -48,7 +48,7 @@ def test_particles_are_the_members_one_after_the_other() -> None:
 def test_only_members_of_different_families_meet() -> None:
     """Balls look for the triangles of tetrahedra and cloth, as far as their radius asks; nobody for their own."""
     scene = world_scene("all")
-    found, pairs = cross_surface(scene), MEMBERS_MEET.pairs(scene)
+    found, pairs = cross_surface(scene), MEMBERS_MEETING.pairs(scene)
     meets = pairs[:, :, 0] > 0
     assert (
         found.member.tolist() == [0, 0, 1, 1] and meets.tolist() == [[False, False, True, True]] * 2 + [[False] * 4] * 2

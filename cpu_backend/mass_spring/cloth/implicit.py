@@ -13,8 +13,8 @@ import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_ROWS, aligned_zeros, block_of, row_at
-from softlab.cpu_backend.core.progress import shares
-from softlab.cpu_backend.core.scratch import AXES, REACH, cloth_variant, triples_of
+from softlab.cpu_backend.core.progress import assigned
+from softlab.cpu_backend.core.scratch import AXES, SPAN, cloth_variant, triples_of
 from softlab.cpu_backend.mass_spring.arrays import ImplicitArrays
 from softlab.cpu_backend.mass_spring.cloth.implicit_rows import AR, WORK_PLANES, R, S, U, X, make_row_passes
 from softlab.cpu_backend.mass_spring.cloth.kernels import PLANES
@@ -89,9 +89,9 @@ def make_pass_band(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
                 air = air_now(parameters, integers, step, zero)
             walk_else(first, blocks, layout, source, parameters, air, scratch, width)
         springs = kind in (RESIDUAL, PRODUCT)
-        if springs and first < REACH:
+        if springs and first < SPAN:
             clear(scratch, width)
-        for i in range(max(first - REACH, 0) if springs else first, last):
+        for i in range(max(first - SPAN, 0) if springs else first, last):
             if kind == RESIDUAL:  # also the springs that lead down from the two rows above the first one
                 pull_end(i, i >= first, blocks, layout, work, parameters, scratch, width)
             elif kind == PRODUCT:
@@ -144,11 +144,11 @@ def make_cloth_implicit(real: Any, math: str, linear: bool, parts: frozenset[str
         counts = implicit.Counts(c.matrices, c.halvings, c.iterations)
         values = implicit.Values(c.first, c.before, c.limit, c.slope, c.squared, c.alpha, c.beta)
         if kind == RESIDUAL:
-            found = (
+            residual_sums = (
                 total(sums, count, tree), total(row_at(sums, count), count, tree),
                 total(row_at(sums, 2 * count), count, tree),
             )  # fmt: skip
-            later, counts, values = after_residual(counts, values, found, system.speed_squared, system.roundoff)
+            later, counts, values = after_residual(counts, values, residual_sums, system.speed_squared, system.roundoff)
             done[implicit.HALVINGS] += later == RETREAT
         elif kind == PRODUCT:
             squared, curvature = total(sums, count, tree), total(row_at(sums, count), count, tree)
@@ -173,12 +173,12 @@ def make_cloth_implicit(real: Any, math: str, linear: bool, parts: frozenset[str
         size = PLANES * layout[L_PLANE]
         count = layout[L_ROWS] * ((layout[L_COLUMNS] + SEGMENT - 1) // SEGMENT)
         while control[0].steps < steps:  # it only grows: a late member sees that all is done
-            for band in shares(team, member, bands):
+            for band in assigned(team, member, bands):
                 c = control[0]
                 now = (current + c.steps) % 2
                 source, target = row_at(states, now * size), row_at(states, (1 - now) * size)
                 pass_band(c, band, step + c.steps, source, target, sheet, system, arrays)
-            for _ in shares(team, member, 1):
+            for _ in assigned(team, member, 1):
                 go_on(control[0], count, system, arrays.sums, arrays.tree, arrays.done)
 
     return compiler.team(advance)

@@ -16,7 +16,7 @@ from softlab.cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_STRIDE, block_
 from softlab.cpu_backend.core.scratch import AXES, make_scratch, triples_of
 from softlab.cpu_backend.mass_spring.cloth.implicit_pulls import make_end_pulls, make_products
 from softlab.cpu_backend.mass_spring.cloth.kernels import make_settle
-from softlab.cpu_backend.mass_spring.cloth.rows import make_cloth_forces, make_reach, make_sums
+from softlab.cpu_backend.mass_spring.cloth.rows import make_cloth_forces, make_spring_rows, make_sums
 from softlab.cpu_backend.mass_spring.cloth.sums import make_sums_over_masses
 from softlab.model.formulas import implicit
 from softlab.model.tables.cloth import SPRING_KINDS
@@ -58,9 +58,9 @@ def make_loops(compiler: Compiler, real: Any) -> SimpleNamespace:
             r[j] = residual(started[j], u[j], acceleration[j], dt, rate)
 
     @row
-    def apply(blocks, r, pulls, own, out):
+    def apply(blocks, r, pulls, mass_entry, out):
         for j in range(blocks * block):
-            out[j] = applied(r[j], pulls[j], own)
+            out[j] = applied(r[j], pulls[j], mass_entry)
 
     @row
     def first_update(blocks, alpha, applied_r, r, s, q, applied_q):
@@ -73,11 +73,11 @@ def make_loops(compiler: Compiler, real: Any) -> SimpleNamespace:
     @row
     def next_update(blocks, alpha, beta, applied_r, r, s, q, applied_q):
         for j in range(blocks * block):
-            direction, turned = added(r[j], beta, q[j]), added(applied_r[j], beta, applied_q[j])
+            direction, applied = added(r[j], beta, q[j]), added(applied_r[j], beta, applied_q[j])
             q[j] = direction
-            applied_q[j] = turned
+            applied_q[j] = applied
             s[j] = added(s[j], alpha, direction)
-            r[j] = added(r[j], -alpha, turned)
+            r[j] = added(r[j], -alpha, applied)
 
     @row
     def move(blocks, position, dt, s, u, x):
@@ -112,14 +112,16 @@ def make_system_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> Si
     compiled, zero, loops = compiler.compiled, real(0), make_loops(compiler, real)
     missing, apply, first_update, next_update = loops.missing, loops.apply, loops.first_update, loops.next_update
     springs, has_pins, scratches = spring_parts(parts), "pins" in parts, make_scratch(compiler, real)
-    pull_end, pull_matrix = (make_reach(compiler, real, springs, scratches, m) for m in (make_end_pulls, make_products))
+    pull_end, pull_matrix = (
+        make_spring_rows(compiler, real, springs, scratches, m) for m in (make_end_pulls, make_products)
+    )
     sum_accelerations, at = make_sums(compiler, real, springs, scratches), triples_of(springs)
     place, clear_triple = scratches.place, scratches.clear
     segment_sums = make_sums_over_masses(compiler, real).segment_sums
     close, triples = at["close"], at["count"]
 
     @compiled
-    def hold(i, work, vector, sheet):
+    def zero_pinned(i, work, vector, sheet):
         layout = sheet.layout
         """Zero the entries of pinned masses in a vector of the system."""
         if has_pins:
@@ -154,7 +156,7 @@ def make_system_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> Si
                 row_at(scratch, place(close, axis, width)), system.dt, system.damping_of_step,
                 row_at(work, here + (R + axis) * plane),
             )  # fmt: skip
-        hold(i, work, R, sheet)
+        zero_pinned(i, work, R, sheet)
 
     @compiled
     def product_row(i, blocks, work, sheet, system, scratch, width):
@@ -166,7 +168,7 @@ def make_system_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> Si
                 blocks, row_at(work, here + (R + axis) * plane), row_at(scratch, place(close, axis, width)),
                 system.mass_entry, row_at(work, here + (AR + axis) * plane),
             )  # fmt: skip
-        hold(i, work, AR, sheet)
+        zero_pinned(i, work, AR, sheet)
 
     @compiled
     def update_row(i, first, blocks, layout, work, alpha, beta):

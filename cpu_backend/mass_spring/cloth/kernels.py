@@ -17,7 +17,7 @@ from softlab.cpu_backend.contact.colliders import make_collide_row
 from softlab.cpu_backend.contact.pins import make_follow
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, block_of, row_at
-from softlab.cpu_backend.core.progress import shares
+from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.core.scratch import AXES, cloth_variant, triples_of
 from softlab.cpu_backend.mass_spring.cloth.rows import make_cloth_forces
 from softlab.cpu_backend.mass_spring.grid.row_step import CLOSING, OPENING, make_finish_axis, make_finishes, pass_kind
@@ -26,7 +26,7 @@ from softlab.model.contact.cloth_parameters import (
     PIN_FIELDS,
 )
 from softlab.model.formulas import cloth, springs
-from softlab.model.mass_spring.cloth_plan import kicks_meet
+from softlab.model.mass_spring.cloth_plan import kicks_coupled
 from softlab.model.tables.cloth import COLLIDER_KINDS
 
 PLANES = 2 * AXES  # x, y, z, vx, vy, vz
@@ -91,7 +91,7 @@ def make_cloth_advance(real: Any, math: str, integrator: str, parts: frozenset[s
 
     advance(bands, passes, states, current, sheet, scratches) does the passes of `passes` over the sheet,
     alternating between the two states in the flat array `states` (core/layout.py); the first reads number `current`. If
-    velocity Verlet's kicks cannot be combined (model/cloth_plan.kicks_meet), passes open and close steps in turn.
+    velocity Verlet's kicks cannot be combined (model/cloth_plan.kicks_coupled), passes open and close steps in turn.
     `scratches`: a flat row per band.
     """
     compiler = Compiler(cloth_variant(f"fused_{integrator}", real, math, parts), math)
@@ -104,7 +104,7 @@ def make_cloth_advance(real: Any, math: str, integrator: str, parts: frozenset[s
     two_sums, a_close, a_open = forces.two_sums, forces.a_close, forces.a_open
     verlet, has_wind, has_motion = integrator == "velocity-verlet", "wind" in parts, "motion" in parts
     instant = cloth.make(real, compiler.compiled).instant
-    in_turn = verlet and not kicks_meet(parts)
+    in_turn = verlet and not kicks_coupled(parts)
     triples, block, zero = triples_of(parts)["count"], block_of(real), real(0)
 
     @compiler.compiled
@@ -147,7 +147,7 @@ def make_cloth_advance(real: Any, math: str, integrator: str, parts: frozenset[s
             kind, begun = kind_of(k, passes), k
             if in_turn:
                 kind, begun = CLOSING if k % 2 else OPENING, (k + 1) // 2
-            for band in shares(team, member, bands):
+            for band in assigned(team, member, bands):
                 advance_band(np.int64(band), kind, passes.step + begun, states, (current + k) % 2, sheet, scratches)
 
     return compiler.team(advance)

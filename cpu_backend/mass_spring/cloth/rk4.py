@@ -9,7 +9,7 @@ import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, block_of, row_at
-from softlab.cpu_backend.core.progress import shares
+from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.core.scratch import AXES, cloth_variant, triples_of
 from softlab.cpu_backend.mass_spring.cloth.kernels import PLANES, make_settle
 from softlab.cpu_backend.mass_spring.cloth.rows import make_cloth_forces
@@ -122,7 +122,7 @@ def make_cloth_rk4(real: Any, math: str, parts: frozenset[str]) -> Any:
 
     def advance(team, member, bands, steps, step, states, sheet, scratches):
         for k in range(4 * steps):
-            for band in shares(team, member, bands):
+            for band in assigned(team, member, bands):
                 stage_band(np.int64(band), k % 4, step + k // 4, states, sheet, scratches)
 
     return compiler.team(advance)

@@ -16,13 +16,13 @@ import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, block_of, row_at
-from softlab.cpu_backend.core.own_forces import make_own_row
-from softlab.cpu_backend.core.scratch import AXES, REACH, make_scratch, triples_of
+from softlab.cpu_backend.core.own_forces import make_particle_force_row
+from softlab.cpu_backend.core.scratch import AXES, SPAN, make_scratch, triples_of
 from softlab.cpu_backend.core.wind import make_winds
 from softlab.model.contact.cloth_parameters import (
     spring_constants,
 )
-from softlab.model.core.own_forces import own_changes, own_forces
+from softlab.model.core.own_forces import particle_forces, particle_forces_change
 from softlab.model.formulas import springs
 from softlab.model.tables.cloth import SPRING_KINDS
 
@@ -83,10 +83,10 @@ def make_accelerations(compiler: Compiler, real: Any, parts: frozenset[str], kin
     return compiler.compiled(pulls)
 
 
-def make_reach(
+def make_spring_rows(
     compiler: Compiler, real: Any, parts: frozenset[str], scratches: SimpleNamespace, make: Any = make_accelerations
 ) -> Any:
-    """Make reach(i, across, blocks, layout, source, parameters, scratch, width): the accelerations by the springs that
+    """Make spring_rows(i, across, blocks, layout, source, parameters, scratch, width): the accelerations by the springs that
     lead from row `i` down and, if `across`, to the right; 0 for those that would lead out of the sheet. `make`: of the
     springs."""
     at = triples_of(parts)
@@ -97,7 +97,7 @@ def make_reach(
     a_left, a_far_across, a_far_down = at.get("left", 0), at.get("far_across", 0), at.get("far_down", 0)
 
     @compiler.compiled
-    def reach(i, across, blocks, layout, source, parameters, scratch, width):
+    def spring_rows(i, across, blocks, layout, source, parameters, scratch, width):
         rows, columns, stride, plane = layout[L_ROWS], layout[L_COLUMNS], layout[L_STRIDE], layout[L_PLANE]
         here, below_right, below_left = i * stride, i * stride, i * stride  # coincident masses do not pull
         below, beyond = here, here
@@ -125,7 +125,7 @@ def make_reach(
                 forget(scratch, a_far_across, columns - 1, width)
             bending(blocks, source, plane, here, beyond, parameters, scratch, a_far_down + i % 3, width)
 
-    return reach
+    return spring_rows
 
 
 def make_sums(compiler: Compiler, real: Any, parts: frozenset[str], scratches: SimpleNamespace) -> Any:
@@ -143,7 +143,7 @@ def make_sums(compiler: Compiler, real: Any, parts: frozenset[str], scratches: S
         def sum_row(
             blocks, across, down, above, right, right_above, left, left_above, far_across, far_down, far_above, gravity, out
         ):  # fmt: skip
-            for k in range(REACH, blocks * block + REACH):
+            for k in range(SPAN, blocks * block + SPAN):
                 a = zero
                 if has_structural:
                     a = (across[k] - across[k - 1]) + (down[k] - above[k])
@@ -155,7 +155,7 @@ def make_sums(compiler: Compiler, real: Any, parts: frozenset[str], scratches: S
                     a = a + b if has_structural or has_shear else b
                 if has_gravity:
                     a = a + gravity
-                out[k - REACH] = a
+                out[k - SPAN] = a
 
         sum_row.__name__ = "sum_row_with_gravity" if has_gravity else "sum_row"
         return compiler.row(sum_row)
@@ -184,13 +184,13 @@ def make_sums(compiler: Compiler, real: Any, parts: frozenset[str], scratches: S
     return sum_accelerations
 
 
-def make_own_forces(compiler: Compiler, real: Any, two_sums: bool, parts: frozenset[str], place: Any) -> Any:
+def make_row_forces(compiler: Compiler, real: Any, two_sums: bool, parts: frozenset[str], place: Any) -> Any:
     """Make add(i, closing, opening, layout, parameters, integers, scratch, width): it adds forces on single masses to
     row `i`'s sums.
 
     `closing`: the number of the step whose forces the sum `close` gets; `opening`: that of `open`, if `two_sums`.
     """
-    own = make_own_row(compiler, real, AXES, parts)
+    particle_force_row = make_particle_force_row(compiler, real, AXES, parts)
     a_close, a_open = (triples_of(parts)[name] for name in ("close", "open"))
 
     @compiler.compiled
@@ -206,8 +206,8 @@ def make_own_forces(compiler: Compiler, real: Any, two_sums: bool, parts: frozen
             for axis in range(AXES):
                 for j in range(columns):
                     also[axis][j] = close[axis][j]
-            own(columns, i * columns, opening, parameters, integers, *also)
-        own(columns, i * columns, closing, parameters, integers, *close)
+            particle_force_row(columns, i * columns, opening, parameters, integers, *also)
+        particle_force_row(columns, i * columns, closing, parameters, integers, *close)
 
     return add
 
@@ -220,34 +220,34 @@ def make_cloth_forces(compiler: Compiler, real: Any, integrator: str, parts: fro
     `air_now`: see core/wind.py.
     """
     scratches, at = make_scratch(compiler, real), triples_of(parts)
-    reach, sum_accelerations = (make(compiler, real, parts, scratches) for make in (make_reach, make_sums))
+    spring_rows, sum_accelerations = (make(compiler, real, parts, scratches) for make in (make_spring_rows, make_sums))
     winds = make_winds(compiler, real, parts, scratches.place, scratches.edge, scratches.forget, scratches.clear, at)
     add_wind, wind_cells, has_wind = winds.add_wind, winds.wind_cells, "wind" in parts
-    two_sums = integrator == "velocity-verlet" and own_changes(parts)
-    add_own = make_own_forces(compiler, real, two_sums, parts, scratches.place)
-    has_own = bool(own_forces(parts))
+    two_sums = integrator == "velocity-verlet" and particle_forces_change(parts)
+    add_particle_force = make_row_forces(compiler, real, two_sums, parts, scratches.place)
+    has_particle_forces = bool(particle_forces(parts))
     clear, count = scratches.clear, at["count"]
 
     @compiler.compiled
     def begin_walk(first, blocks, layout, source, parameters, air, scratch, width):
         """Compute the springs and triangles that lead down from the two rows above `first`, if there are any."""
-        if first < REACH:
+        if first < SPAN:
             for triple in range(count):
                 clear(scratch, np.int64(triple), width)
-        for i in range(max(first - REACH, 0), first):
-            reach(i, False, blocks, layout, source, parameters, scratch, width)
+        for i in range(max(first - SPAN, 0), first):
+            spring_rows(i, False, blocks, layout, source, parameters, scratch, width)
         if has_wind and first > 0:
             wind_cells(first - 1, blocks, layout, source, parameters, air, scratch, width)
 
     @compiler.compiled
     def sum_forces(i, closing, opening, blocks, layout, source, parameters, integers, air, scratch, width):
-        reach(i, True, blocks, layout, source, parameters, scratch, width)
+        spring_rows(i, True, blocks, layout, source, parameters, scratch, width)
         sum_accelerations(i, blocks, parameters, scratch, width)
         if has_wind:
             wind_cells(i, blocks, layout, source, parameters, air, scratch, width)
             add_wind(i, blocks, scratch, width)
-        if has_own:
-            add_own(i, closing, opening, layout, parameters, integers, scratch, width)
+        if has_particle_forces:
+            add_particle_force(i, closing, opening, layout, parameters, integers, scratch, width)
 
     return SimpleNamespace(
         begin_walk=begin_walk, sum_forces=sum_forces, air_now=winds.air_now, two_sums=two_sums, place=scratches.place,

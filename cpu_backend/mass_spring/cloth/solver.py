@@ -23,7 +23,7 @@ from softlab.model.contact.cloth_parameters import body_rows, pin_velocity
 from softlab.model.core.integrators import IMPLICIT
 from softlab.model.core.plan import Executor
 from softlab.model.core.simulation import Options
-from softlab.model.mass_spring.cloth_plan import cloth_plan, kicks_meet
+from softlab.model.mass_spring.cloth_plan import cloth_plan, kicks_coupled
 from softlab.model.scene.scene import Scene
 
 
@@ -53,7 +53,7 @@ class ClothMassSpring(RowsSimulation):
         self._integers_of_layout = self._layout.integers()
         self._states = aligned_zeros((4 if self._is_rk4 else 2) * self._layout.size, self.real)
         self._current = 0
-        self._kept = np.zeros(self._layout.size, self.real)
+        self._snapshot = np.zeros(self._layout.size, self.real)
         self._set_pins()
         self._bands = min(self.threads, rows)
         self._executor = self._make_executor()
@@ -87,7 +87,7 @@ class ClothMassSpring(RowsSimulation):
         many."""
         verlet = self.scene.method.integrator == "velocity-verlet"
         first, last = (OPENING, CLOSING) if verlet else (MIDDLE, MIDDLE)
-        passes = 2 * steps if verlet and not kicks_meet(self.plan.parts) else steps + verlet
+        passes = 2 * steps if verlet and not kicks_coupled(self.plan.parts) else steps + verlet
         return Passes(passes, first, last, step), self._states, self._current, self.sheet, self._scratch
 
     def _advance_fused(self, step: int, steps: int) -> None:

@@ -32,7 +32,7 @@ from softlab.model.tables.cloth import COLLIDER_KINDS, SPRING_KINDS
 
 
 def make_pin_stage(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    """Compile pins(bodies, first, rows, columns, step, half_way, parameters, state): it moves the pinned masses that
+    """Compile pins(bodies, first, rows, columns, step, halfway, parameters, state): it moves the pinned masses that
     follow a motion, to the step's end or half-way through it.
 
     `first`: where the rows of pins begin in `bodies`; `rows`, `columns`: of the pinned masses.
@@ -41,10 +41,10 @@ def make_pin_stage(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     instant, middle = cloth.make(real, compiler.compiled).instant, motion.make(real, compiler.compiled).middle
     zero = real(0)
 
-    def pins(bodies, first, rows, columns, step, half_way, record, state):
+    def pins(bodies, first, rows, columns, step, halfway, record, state):
         x, y, z, vx, vy, vz = state
         clock = record[0].dt, record[0].first_step, record[0].first_time
-        time = middle(step, *clock) if half_way else instant(step + 1, *clock)
+        time = middle(step, *clock) if halfway else instant(step + 1, *clock)
         for k in prange(rows.size):
             pin = first + PIN_FIELDS * k
             if bodies[pin + P_MOTION] >= zero:
@@ -58,17 +58,17 @@ def make_pin_stage(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 def make_cloth_stages(real: Any, math: str, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
     """Make the stage kernels of a variant; each is compiled when it first runs, for the parts that affect it."""
 
-    def made(make: Any, *words: str) -> Any:
+    def build(make: Any, *words: str) -> Any:
         matter = frozenset(part for part in parts if part.split("-")[0] in words)
         return make(Compiler(cloth_variant("stage", real, math, matter), math), real, matter)
 
     kicks = parts & {"damping"}
     compiler = Compiler(cloth_variant(f"stage_{integrator}", real, math, kicks), math)
     stages = make_motion_stages(compiler, real, integrator, "damping" in kicks)
-    stages.spring_forces = made(make_spring_stage, *SPRING_KINDS)
-    stages.wind = made(make_wind_stage, "wind", "gust")
-    stages.collide = made(make_collide_stage, *COLLIDER_KINDS, "friction", "restitution")
-    stages.pins = made(make_pin_stage, "motion")
+    stages.spring_forces = build(make_spring_stage, *SPRING_KINDS)
+    stages.wind = build(make_wind_stage, "wind", "gust")
+    stages.collide = build(make_collide_stage, *COLLIDER_KINDS, "friction", "restitution")
+    stages.pins = build(make_pin_stage, "motion")
     return stages
 
 
@@ -94,9 +94,9 @@ def bind_cloth_stages(sim: Any) -> dict[str, StageRun]:
             at["state"], sim.record, sim.integers, now, sim.real(0 if whole_step else moment.argument), acceleration
         )
 
-    def keep_positions() -> None:
-        for kept, now in zip(before, state, strict=False):
-            kept[...] = now
+    def store_positions() -> None:
+        for stored, now in zip(before, state, strict=False):
+            stored[...] = now
 
     def collide(moment: Moment) -> None:
         make.collide(sim.bodies, sim.kinds, moment.step, sim.record, before, at["state"])
@@ -111,7 +111,7 @@ def bind_cloth_stages(sim: Any) -> dict[str, StageRun]:
                 sim.bodies, first, pin_rows, pin_columns, moment.step, moment.argument < 1, sim.record, at["state"]
             )
 
-    bound = bind_forces(sim, sums) | bind_motion(sim, make, at, state, acceleration, keep_positions)
+    bound = bind_forces(sim, sums) | bind_motion(sim, make, at, state, acceleration, store_positions)
     return bound | {
         "spring forces": lambda moment: make.spring_forces(at["state"], sim.record, acceleration),
         "no forces": no_forces,

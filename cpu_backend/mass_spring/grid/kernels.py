@@ -15,7 +15,7 @@ import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, PLANES, block_of, row_at
-from softlab.cpu_backend.core.progress import shares
+from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.mass_spring.grid.row_step import make_row_step, pass_kind
 from softlab.cpu_backend.mass_spring.grid.rows import SUM_ROWS, variant_name
 
@@ -58,7 +58,7 @@ def make_advance(real: Any, math: str, integrator: str, parts: frozenset[str]) -
     def advance(team, member, bands, passes, states, current, sheet, scratches):
         for k in range(passes.number):
             kind = kind_of(k, passes)
-            for band in shares(team, member, bands):
+            for band in assigned(team, member, bands):
                 advance_band(np.int64(band), kind, passes.step + k, states, (current + k) % 2, sheet, scratches)
 
     return compiler.team(advance)

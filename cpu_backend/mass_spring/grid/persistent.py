@@ -100,14 +100,14 @@ def make_team_advance(real: Any, math: str, integrator: str, parts: frozenset[st
         return exchange(progress, band, k, k + 1)
 
     def advance(team, member, bands, passes, states, current, sheet, scratches, progress):
-        patience, looks, left, stepped_in = np.int64(SPINS), 0, True, False
+        patience, checks, left, stepped_in = np.int64(SPINS), 0, True, False
         while left:
             left, worked = False, False
             for n in range(bands):
                 band = (member + n) % bands
                 k = load_acquire(progress, DONE * bands + band)
                 left = left or k < passes.number
-                if k < passes.number and (n == 0 or looks >= patience) and taken(band, bands, k, progress):
+                if k < passes.number and (n == 0 or checks >= patience) and taken(band, bands, k, progress):
                     pass_band(band, bands, k, passes, states, current, sheet, scratches, progress)
                     if n > 0:
                         patience, stepped_in = patience // 2, True
@@ -116,9 +116,9 @@ def make_team_advance(real: Any, math: str, integrator: str, parts: frozenset[st
                     worked = True
                     break
             if worked:
-                looks = 0
+                checks = 0
             elif left:
-                bide(looks, SPINS)
-                looks += 1
+                bide(checks, SPINS)
+                checks += 1
 
     return compiler.team(advance)

@@ -9,7 +9,7 @@ import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, PLANES, block_of, row_at
-from softlab.cpu_backend.core.progress import shares
+from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.mass_spring.grid.kernels import ABOVE_ROWS, SCRATCH_ROWS
 from softlab.cpu_backend.mass_spring.grid.rows import CLOSE_X, CLOSE_Y, make_row_forces, variant_name
 from softlab.model.formulas import integrators
@@ -76,7 +76,7 @@ def make_advance_rk4(real: Any, math: str, parts: frozenset[str]) -> Any:
     update = make_rk4_rows(compiler, real)
     forces = make_row_forces(compiler, real, "rk4", parts)
     begin_walk, sum_row, add_later_parts = forces.begin_walk, forces.sum_row, forces.add_later_parts
-    hold_pins, place_ghosts, damped = forces.hold_pins, forces.place_ghosts, forces.damped
+    apply_pins, place_ghosts, damped = forces.apply_pins, forces.place_ghosts, forces.damped
     alternating, sum_uneven_row = forces.alternating, forces.sum_uneven_row
     has_pins, has_damping, later_parts = "pins" in parts, "damping" in parts, forces.later_parts
     block = forces.block
@@ -103,15 +103,15 @@ def make_advance_rk4(real: Any, math: str, parts: frozenset[str]) -> Any:
         for i in range(first, last):
             here = i * stride
             below = here + stride if i < rows - 1 else here
-            given = (
+            arguments = (
                 row_at(source, here), row_at(source, here + plane), row_at(source, below), row_at(source, below + plane),
                 zero, zero, row_at(above, 0), row_at(above, width), parameters, row_at(sums, CLOSE_X * width),
                 row_at(sums, CLOSE_Y * width),
             )  # fmt: skip
             if alternating:
-                sum_uneven_row(i, blocks, *given)
+                sum_uneven_row(i, blocks, *arguments)
             else:
-                sum_row(blocks, *given)
+                sum_row(blocks, *arguments)
             if later_parts:
                 add_later_parts(i, np.int64(0), blocks, layout, parameters, sheet.integers, step, sums, width)
             for axis in range(2):
@@ -127,14 +127,14 @@ def make_advance_rk4(real: Any, math: str, parts: frozenset[str]) -> Any:
                     stage, blocks, row_at(base, velocity), rate, parameters, row_at(total, velocity), row_at(target, velocity)
                 )  # fmt: skip
             if has_pins:  # a pinned mass does not move, so any stage has its position
-                hold_pins(
+                apply_pins(
                     i, np.int64(0), blocks, source, here, plane, target, here, plane, sheet.pin_start, sheet.pin_column
                 )  # fmt: skip
             place_ghosts(np.int64(0), blocks, layout, target, here, plane)
 
     def advance(team, member, bands, steps, step, states, sheet, scratches):
         for k in range(4 * steps):
-            for band in shares(team, member, bands):
+            for band in assigned(team, member, bands):
                 stage_band(np.int64(band), k % 4, step + k // 4, states, sheet, scratches)
 
     return compiler.team(advance)

@@ -85,7 +85,7 @@ def make_row_step(compiler: Compiler, real: Any, integrator: str, parts: frozens
     through_sums = forces.later_parts or forces.alternating
     advance_row = (_make_row_through_sums if through_sums else _make_row_in_one_loop)(compiler, forces, real, finishes)
     has_pins = "pins" in parts
-    hold_pins, place_ghosts, pull_from_left = forces.hold_pins, forces.place_ghosts, forces.pull_from_left
+    apply_pins, place_ghosts, pull_from_left = forces.apply_pins, forces.place_ghosts, forces.pull_from_left
 
     @compiler.inlined
     def step_row(
@@ -103,7 +103,7 @@ def make_row_step(compiler: Compiler, real: Any, integrator: str, parts: frozens
         )  # fmt: skip
         advance_row(kind, step, i, column, blocks, old, new, left, Walk(above, sums, width), sheet)
         if has_pins and sheet.pin_start[i] < sheet.pin_start[i + 1]:
-            hold_pins(
+            apply_pins(
                 i, column, blocks, source, here, source_plane, target, there, target_plane, sheet.pin_start, sheet.pin_column
             )  # fmt: skip
         place_ghosts(column, blocks, sheet.layout, target, there, target_plane)

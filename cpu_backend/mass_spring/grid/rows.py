@@ -15,9 +15,9 @@ import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import L_COLUMNS, block_of, row_at
-from softlab.cpu_backend.core.own_forces import make_own_row
+from softlab.cpu_backend.core.own_forces import make_particle_force_row
 from softlab.cpu_backend.mass_spring.grid.alternating import make_alternating_rows
-from softlab.model.core.own_forces import own_changes, own_forces
+from softlab.model.core.own_forces import particle_forces, particle_forces_change
 from softlab.model.formulas import springs
 
 # rows of accelerations of a band: two sums for the step, and two for the step before (velocity Verlet)
@@ -134,9 +134,9 @@ def make_later_parts(compiler: Compiler, real: Any, integrator: str, parts: froz
     since their random forces belong to different steps.
     """
     compiled, block = compiler.compiled, block_of(real)
-    has_own = bool(own_forces(parts))
-    two_sums = own_changes(parts) and integrator == "velocity-verlet"
-    add_own = make_own_row(compiler, real, 2, parts)
+    has_particle_forces = bool(particle_forces(parts))
+    two_sums = particle_forces_change(parts) and integrator == "velocity-verlet"
+    add_particle_force = make_particle_force_row(compiler, real, 2, parts)
 
     @compiled
     def add_later_parts(i, column, blocks, layout, parameters, integers, step, sums, width):
@@ -149,20 +149,20 @@ def make_later_parts(compiler: Compiler, real: Any, integrator: str, parts: froz
             for j in range(count):
                 open_x[j] = close_x[j]
                 open_y[j] = close_y[j]
-            add_own(count, i * columns + column, step, parameters, integers, open_x, open_y)
-        if has_own:
+            add_particle_force(count, i * columns + column, step, parameters, integers, open_x, open_y)
+        if has_particle_forces:
             closing = step - 1 if two_sums else step
-            add_own(count, i * columns + column, closing, parameters, integers, close_x, close_y)
+            add_particle_force(count, i * columns + column, closing, parameters, integers, close_x, close_y)
 
-    return SimpleNamespace(two_sums=two_sums, later_parts=has_own, add_later_parts=add_later_parts)
+    return SimpleNamespace(two_sums=two_sums, later_parts=has_particle_forces, add_later_parts=add_later_parts)
 
 
 def make_row_edges(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
-    """Make `hold_pins` and `place_ghosts`, which complete a written row (see the inner functions)."""
+    """Make `apply_pins` and `place_ghosts`, which complete a written row (see the inner functions)."""
     compiled, block, zero, has_springs = compiler.compiled, block_of(real), real(0), "springs" in parts
 
     @compiled
-    def hold_pins(i, column, blocks, source, here, source_plane, target, there, target_plane, pin_start, pin_column):
+    def apply_pins(i, column, blocks, source, here, source_plane, target, there, target_plane, pin_start, pin_column):
         """Put pinned masses of row `i` where `source` has them, at rest."""
         for k in range(pin_start[i], pin_start[i + 1]):
             j = pin_column[k] - column
@@ -188,7 +188,7 @@ def make_row_edges(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simp
             last_x, last_y = row_at(target, there + first - 1)[0], row_at(target, there + target_plane + first - 1)[0]
             ghosts_of(row_at(target, start), row_at(target, start + target_plane), last_x, last_y, spare)
 
-    return SimpleNamespace(hold_pins=hold_pins, place_ghosts=place_ghosts)
+    return SimpleNamespace(apply_pins=apply_pins, place_ghosts=place_ghosts)
 
 
 def make_row_forces(compiler: Compiler, real: Any, integrator: str, parts: frozenset[str]) -> SimpleNamespace:

@@ -43,7 +43,7 @@ class MassSpring(RowsSimulation):
         self._integers_of_layout = self._layout.integers()
         self._states = aligned_zeros((4 if self._is_rk4 else 2) * self._layout.size, self.real)
         self._current = 0
-        self._kept = np.zeros(self._layout.size, self.real)
+        self._snapshot = np.zeros(self._layout.size, self.real)
         self._set_pins()
         self._bands = min(self.threads, rows)
         self._executor = self._make_executor()

@@ -17,7 +17,7 @@ import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, PLANES, block_of, row_at
-from softlab.cpu_backend.core.progress import shares
+from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.mass_spring.grid.kernels import ABOVE_ROWS
 from softlab.cpu_backend.mass_spring.grid.row_step import make_row_step, pass_kind
 from softlab.cpu_backend.mass_spring.grid.rows import SUM_ROWS, variant_name
@@ -120,7 +120,7 @@ def make_tiled_advance(real: Any, math: str, integrator: str, parts: frozenset[s
     def advance(team, member, bands, passes, states, current, sheet, scratches, tiling):
         for turn in range((passes.number + tiling.levels - 1) // tiling.levels):
             first_pass, now = turn * tiling.levels, (current + turn) % 2
-            for band in shares(team, member, bands):
+            for band in assigned(team, member, bands):
                 walk_band(np.int64(band), tiling, scratches, first_pass, passes, states, now, sheet)
 
     return compiler.team(advance)

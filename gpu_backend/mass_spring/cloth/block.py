@@ -20,7 +20,7 @@ from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
 from softlab.gpu_backend.core.world import Cell, World
 from softlab.gpu_backend.mass_spring.cloth.moves import make_cloth_moves
 from softlab.gpu_backend.mass_spring.cloth.point import make_cloth_forces
-from softlab.model.mass_spring.cloth_plan import kicks_meet
+from softlab.model.mass_spring.cloth_plan import kicks_coupled
 
 MAX_THREADS = 1024  # per block, hence masses
 
@@ -32,7 +32,7 @@ def block_threads(masses: int) -> int:
 
 def block_bytes(real: Any, parts: frozenset[str], masses: int) -> int:
     """Return the shared memory of the block [bytes]: two copies of what neighbours read, and of the air's velocity."""
-    arrays = 2 if kicks_meet(parts) else 4
+    arrays = 2 if kicks_coupled(parts) else 4
     return (arrays * masses + 2) * SIZE * np.dtype(real).itemsize
 
 
@@ -68,7 +68,7 @@ def make_cloth_block(real: Any, math: str, integrator: str, parts: frozenset[str
     forces = make_cloth_forces(real, math, parts)
     current_step, air_now = forces.current_step, forces.air_now
     moves = make_cloth_moves(real, math, integrator, parts)
-    moving, has_wind, has_gust = not kicks_meet(parts), "wind" in parts, "gust" in parts
+    moving, has_wind, has_gust = not kicks_coupled(parts), "wind" in parts, "gust" in parts
     pairs = moving and "middle" in moves  # a step is two passes
     first_move = moves["opening"] if pairs else moves["middle"] if "middle" in moves else moves["step"]
     scalar = np.dtype(real) if simulated() else real

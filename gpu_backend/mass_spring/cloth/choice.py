@@ -18,7 +18,7 @@ from softlab.gpu_backend.mass_spring.cloth.launch import cloth_blocks, why_no_cl
 from softlab.gpu_backend.mass_spring.grid.choice import parsed_tile
 from softlab.model.base.errors import SceneError
 from softlab.model.core.options import unknown_kernel
-from softlab.model.mass_spring.cloth_plan import kicks_meet
+from softlab.model.mass_spring.cloth_plan import kicks_coupled
 from softlab.model.scene.scene import Scene
 
 CLOTH_KERNELS = ("one-block", "resident", "graph", "launch", "stages")
@@ -70,7 +70,7 @@ def why_not_resident(scene: Scene, parts: frozenset[str]) -> str:
     """Return the reason why `resident` cannot run the scene, whatever the tile, or ""."""
     if scene.method.integrator == "rk4":
         return "runs integrators with one force a step, not rk4; use graph"
-    if scene.method.integrator == "velocity-verlet" and not kicks_meet(parts):
+    if scene.method.integrator == "velocity-verlet" and not kicks_coupled(parts):
         return "runs velocity-verlet with neither wind nor dampers along springs (no force of velocities); use graph"
     return ""
 
@@ -79,14 +79,16 @@ def cloth_tiles_of(
     rows: int, columns: int, real: Any, parts: frozenset[str], limits: tuple[int, int] | None = None
 ) -> list[tuple[Tile, float | None]]:
     """Return (tile, us per step if measured) of the table's tiles that fit the sheet."""
-    found: list[tuple[Tile, float | None]] = []
-    for name, by_share in RESIDENT[real].items():
+    tiles: list[tuple[Tile, float | None]] = []
+    for name, by_blocks in RESIDENT[real].items():
         tile = parsed_tile(name)
         if not why_no_cloth_tile(rows, columns, real, tile, parts, limits):
             across, down = cloth_blocks(rows, columns, tile, parts)
-            share = -(-across * down // (limits or device_limits())[0])
-            found.append((tile, min((time for blocks, time in by_share.items() if blocks >= share), default=None)))
-    return found
+            blocks_each = -(-across * down // (limits or device_limits())[0])
+            tiles.append(
+                (tile, min((time for blocks, time in by_blocks.items() if blocks >= blocks_each), default=None))
+            )
+    return tiles
 
 
 def choose_cloth(
@@ -100,8 +102,8 @@ def choose_cloth(
         if kernel == "graph" or (small and not why_not_one_block(scene, real, parts, limits)):
             times[kernel, None] = least + 1e-6 * masses * million
     if not why_not_resident(scene, parts):
-        found = cloth_tiles_of(rows, columns, real, parts, limits)
-        times |= {("resident", tile): time for tile, time in found if time is not None}
+        candidates = cloth_tiles_of(rows, columns, real, parts, limits)
+        times |= {("resident", tile): time for tile, time in candidates if time is not None}
     first, *others = sorted(times, key=lambda choice: times[choice])
     why = f"{times[first]:.2g} us a step by the table"
     if others:
@@ -150,11 +152,11 @@ def cloth_tile(scene: Scene, real: Any, parts: frozenset[str], kernel: str, aske
     if colon:
         return parsed_tile(text)
     rows, columns = scene.grid.rows, scene.grid.columns
-    found = cloth_tiles_of(rows, columns, real, parts)
-    if not found:
+    candidates = cloth_tiles_of(rows, columns, real, parts)
+    if not candidates:
         raise SceneError(
             "--kernel",
             kernel,
             f"{rows} x {columns} masses fit none of its tiles on this GPU; use graph, or name a tile",
         )
-    return min(found, key=lambda pair: (pair[1] is None, pair[1] or 0))[0]
+    return min(candidates, key=lambda pair: (pair[1] is None, pair[1] or 0))[0]

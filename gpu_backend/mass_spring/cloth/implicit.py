@@ -19,7 +19,7 @@ from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kerne
 from softlab.gpu_backend.core.cooperative import Cooperative
 from softlab.gpu_backend.core.device import simulated
 from softlab.gpu_backend.core.formulas import device_formulas
-from softlab.gpu_backend.core.meeting import make_meet
+from softlab.gpu_backend.core.meeting import make_barrier
 from softlab.gpu_backend.core.world import Cell, World
 from softlab.gpu_backend.mass_spring.cloth.implicit_point import make_implicit_point
 from softlab.gpu_backend.mass_spring.cloth.point import make_cloth_forces
@@ -144,7 +144,7 @@ def make_cloth_implicit(real: Any, math: str, linear: bool, parts: frozenset[str
     point, meetings = make_implicit_point(real, math, parts), make_meetings(real, math)
     start, residual, product = point.start, point.residual, point.product
     update, move, finish, air_now = point.update, point.move, point.finish, point.air_now
-    meet, add_segment, total = make_meet(math), meetings.add_segment, meetings.total
+    barrier, add_segment, total = make_barrier(math), meetings.add_segment, meetings.total
     control = device_formulas(implicit.make_control, real, math, linear=linear)
     after_residual, after_product = control.after_residual, control.after_product
     current_step = make_cloth_forces(real, math, parts).current_step
@@ -200,7 +200,7 @@ def make_cloth_implicit(real: Any, math: str, linear: bool, parts: frozenset[str
                         add_segment(products, product_sums, g, width, count, sums)
                     elif kind == RESIDUAL:
                         add_segment(products, residual_sums, g, width, count, sums)
-                wanted = meet(flags, wanted)
+                wanted = barrier(flags, wanted)
                 if kind == FINISH:
                     break
                 if kind == PRODUCT:
@@ -210,8 +210,10 @@ def make_cloth_implicit(real: Any, math: str, linear: bool, parts: frozenset[str
                         done[ITERATIONS if kind == UPDATE else MATRICES] += 1
                 elif kind == RESIDUAL:
                     total(products, residual_sums, count, sums)
-                    found = products[0], products[TREE], products[2 * TREE]
-                    kind, counts, values = after_residual(counts, values, found, system.speed_squared, system.roundoff)
+                    total_products = products[0], products[TREE], products[2 * TREE]
+                    kind, counts, values = after_residual(
+                        counts, values, total_products, system.speed_squared, system.roundoff
+                    )
                     if first_thread and kind == RETREAT:
                         done[HALVINGS] += 1
                 elif kind == UPDATE:

@@ -47,8 +47,8 @@ def _make_iteration(real: Any, math: str, springs: frozenset[str], has_pins: boo
     def product(x, r, ar, k, cell, system):
         p, v = load_quad(x, k), load_quad(r, k)
         ax, ay, az = product_sum(x, r, k, cell, p, v, system)
-        own = system.mass_entry
-        wx, wy, wz = applied(v[0], ax, own), applied(v[1], ay, own), applied(v[2], az, own)
+        mass_entry = system.mass_entry
+        wx, wy, wz = applied(v[0], ax, mass_entry), applied(v[1], ay, mass_entry), applied(v[2], az, mass_entry)
         if has_pins:
             if p[3] != zero:
                 wx, wy, wz = zero, zero, zero
@@ -58,20 +58,20 @@ def _make_iteration(real: Any, math: str, springs: frozenset[str], has_pins: boo
     @inline
     def update(r, s, q, aq, ar, k, first, alpha, beta):
         residual_now, applied_now = load_quad(r, k), load_quad(ar, k)
-        direction, turned = (
+        direction, applied_direction = (
             (residual_now[0], residual_now[1], residual_now[2]), (applied_now[0], applied_now[1], applied_now[2])
         )  # fmt: skip
         solution = (zero, zero, zero)
         if not first:
-            direction, turned = (
+            direction, applied_direction = (
                 added_3(residual_now, beta, load_quad(q, k)), added_3(applied_now, beta, load_quad(aq, k))
             )  # fmt: skip
             before = load_quad(s, k)
             solution = (before[0], before[1], before[2])
         sx, sy, sz = added_3(solution, alpha, direction)
-        rx, ry, rz = added_3(residual_now, -alpha, turned)
+        rx, ry, rz = added_3(residual_now, -alpha, applied_direction)
         store_quad(q, k, direction[0], direction[1], direction[2], zero)
-        store_quad(aq, k, turned[0], turned[1], turned[2], zero)
+        store_quad(aq, k, applied_direction[0], applied_direction[1], applied_direction[2], zero)
         store_quad(s, k, sx, sy, sz, zero)
         store_quad(r, k, rx, ry, rz, zero)
 
@@ -83,8 +83,8 @@ def make_implicit_point(real: Any, math: str, parts: frozenset[str]) -> SimpleNa
     """Make the passes of mass k in row i and column j, by name; `residual` and `product` return summands."""
     springs = frozenset(part for part in parts if part.split("-")[0] in SPRING_KINDS)
     elsewhere, collide = make_cloth_forces(real, math, parts - springs), make_collide(real, math, parts)
-    steady, add_own = elsewhere.steady, elsewhere.add_own
-    pull_sum, hold = make_cloth_springs(real, math, springs, "end"), make_pins(real, math, parts).hold
+    steady, add_particle_force = elsewhere.steady, elsewhere.add_particle_force
+    pull_sum, pin = make_cloth_springs(real, math, springs, "end"), make_pins(real, math, parts).pin
     vectors, has_pins = _make_vectors(real, math), "pins" in parts
     added_3, dot_3, missing = vectors.added_3, vectors.dot_3, vectors.missing
     zero, half, one, inline = real(0), real(0.5), real(1), inlined(math)
@@ -96,7 +96,7 @@ def make_implicit_point(real: Any, math: str, parts: frozenset[str]) -> SimpleNa
         vx, vy, vz = velocity
         if has_pins:
             if p[3] != zero:
-                px, py, pz, vx, vy, vz = hold(p[3], p, step, False, world)
+                px, py, pz, vx, vy, vz = pin(p[3], p, step, False, world)
         store_quad(x, k, px, py, pz, p[3])
         store_quad(u, k, vx, vy, vz, zero)
         return (px, py, pz), (vx, vy, vz)
@@ -106,7 +106,7 @@ def make_implicit_point(real: Any, math: str, parts: frozenset[str]) -> SimpleNa
         parameters, integers = world.parameters, world.integers
         p, v = load_quad(position, k), load_quad(velocity, k)
         ax, ay, az = steady(position, velocity, k, cell, p, v, parameters, air)
-        ax, ay, az = add_own(ax, ay, az, k, zero, parameters, integers, step)
+        ax, ay, az = add_particle_force(ax, ay, az, k, zero, parameters, integers, step)
         bx, by, bz = added_3(v, parameters.dt, (ax, ay, az))
         store_quad(begin, k, bx, by, bz, zero)
         end, speed = put(x, u, k, p, (p[0], p[1], p[2]), (zero, zero, zero), step, world)
@@ -125,14 +125,14 @@ def make_implicit_point(real: Any, math: str, parts: frozenset[str]) -> SimpleNa
             if p[3] != zero:
                 rx, ry, rz = zero, zero, zero
         store_quad(r, k, rx, ry, rz, zero)
-        own = (rx, ry, rz)
-        return dot_3(own, own), dot_3(own, load_quad(s, k)), dot_3(v, v)
+        residual = (rx, ry, rz)
+        return dot_3(residual, residual), dot_3(residual, load_quad(s, k)), dot_3(v, v)
 
     @inline
     def move(position, x, u, s, k, back, step, world):
         parameters = world.parameters
-        p, v, way = load_quad(position, k), load_quad(u, k), load_quad(s, k)
-        sx, sy, sz, sign = way[0], way[1], way[2], one
+        p, v, search = load_quad(position, k), load_quad(u, k), load_quad(s, k)
+        sx, sy, sz, sign = search[0], search[1], search[2], one
         if back:
             sx, sy, sz, sign = half * sx, half * sy, half * sz, -one
             store_quad(s, k, sx, sy, sz, zero)

@@ -12,7 +12,7 @@ from softlab.gpu_backend.contact.pins import make_pins
 from softlab.gpu_backend.core.compile import inlined
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.mass_spring.cloth.point import make_cloth_forces
-from softlab.model.core.own_forces import own_changes
+from softlab.model.core.own_forces import particle_forces_change
 from softlab.model.formulas import integrators
 
 RK4_OFFSETS = (0.0, 0.5, 0.5, 1.0)  # of a stage's time, in steps
@@ -28,13 +28,13 @@ def make_cloth_kicks(real: Any, math: str, integrator: str, parts: frozenset[str
     (quads), which springs, gravity and wind accelerate by a. `step` is the number of the step that begins.
     """
     forces, collide = make_cloth_forces(real, math, parts), make_collide(real, math, parts)
-    hold = make_pins(real, math, parts).hold
-    add_own, damp = forces.add_own, forces.damp
+    pin = make_pins(real, math, parts).pin
+    add_particle_force, damp = forces.add_particle_force, forces.damp
     formulas = device_formulas(integrators.make, real, math)
     first_half, second_half = formulas.verlet_first_half, formulas.verlet_second_half
     verlet = integrator == "velocity-verlet"
     one_force = formulas.semi_implicit_euler if verlet else getattr(formulas, integrator.replace("-", "_"))
-    has_pins, changes = "pins" in parts, own_changes(parts)
+    has_pins, changes = "pins" in parts, particle_forces_change(parts)
     zero, one = real(0), np.int64(1)
     inline = inlined(math)
 
@@ -44,13 +44,13 @@ def make_cloth_kicks(real: Any, math: str, integrator: str, parts: frozenset[str
         px, py, pz, vx, vy, vz = collide(p, px, py, pz, vx, vy, vz, world, step)
         if has_pins:
             if p[3] != zero:
-                px, py, pz, vx, vy, vz = hold(p[3], p, step, False, world)
+                px, py, pz, vx, vy, vz = pin(p[3], p, step, False, world)
         return px, py, pz, vx, vy, vz
 
     @inline
     def step_mass(ax, ay, az, k, p, v, world, step):
         parameters, integers = world.parameters, world.integers
-        ax, ay, az = add_own(ax, ay, az, k, zero, parameters, integers, step)
+        ax, ay, az = add_particle_force(ax, ay, az, k, zero, parameters, integers, step)
         ax, ay, az = damp(ax, ay, az, v, parameters)
         dt, half_dt_squared = parameters.dt, parameters.half_dt_squared
         px, vx = one_force(p[0], v[0], ax, dt, half_dt_squared)
@@ -80,13 +80,13 @@ def make_cloth_kicks(real: Any, math: str, integrator: str, parts: frozenset[str
     @inline
     def opening_mass(ax, ay, az, k, p, v, world, step):
         parameters, integers = world.parameters, world.integers
-        ax, ay, az = add_own(ax, ay, az, k, zero, parameters, integers, step)
+        ax, ay, az = add_particle_force(ax, ay, az, k, zero, parameters, integers, step)
         return kick_and_drift(p, v[0], v[1], v[2], ax, ay, az, world, step)
 
     @inline
     def closing_mass(ax, ay, az, k, p, v, world, step):
         parameters, integers = world.parameters, world.integers
-        ax, ay, az = add_own(ax, ay, az, k, zero, parameters, integers, step - one)
+        ax, ay, az = add_particle_force(ax, ay, az, k, zero, parameters, integers, step - one)
         vx, vy, vz = second_kick(v, ax, ay, az, parameters)
         if has_pins:
             if p[3] != zero:  # one that follows a motion already has its velocity
@@ -97,9 +97,9 @@ def make_cloth_kicks(real: Any, math: str, integrator: str, parts: frozenset[str
     def middle_mass(bx, by, bz, k, p, v, world, step):
         """Do the second half kick of one step and the first of the next: both need the force here, computed once."""
         parameters, integers = world.parameters, world.integers
-        ax, ay, az = add_own(bx, by, bz, k, zero, parameters, integers, step - one)
+        ax, ay, az = add_particle_force(bx, by, bz, k, zero, parameters, integers, step - one)
         if changes:
-            bx, by, bz = add_own(bx, by, bz, k, zero, parameters, integers, step)
+            bx, by, bz = add_particle_force(bx, by, bz, k, zero, parameters, integers, step)
         else:
             bx, by, bz = ax, ay, az
         vx, vy, vz = second_kick(v, ax, ay, az, parameters)
@@ -119,7 +119,7 @@ def make_cloth_moves(real: Any, math: str, integrator: str, parts: frozenset[str
     velocity v.
 
     Velocity Verlet's two kicks between steps are one pass with one force evaluation, `middle`, if no force depends on
-    velocities (model/cloth_plan.kicks_meet); else a step is `opening` and `closing`.
+    velocities (model/cloth_plan.kicks_coupled); else a step is `opening` and `closing`.
     """
     steady = make_cloth_forces(real, math, parts).steady
     inline = inlined(math)
@@ -145,11 +145,11 @@ def make_cloth_rk4(real: Any, math: str, parts: frozenset[str], stage: int) -> A
     the new state, after colliders. The first stage reads no total.
     """
     forces, collide = make_cloth_forces(real, math, parts), make_collide(real, math, parts)
-    hold, half_way = (
-        make_pins(real, math, parts).hold,
+    pin, halfway = (
+        make_pins(real, math, parts).pin,
         stage < 2,
     )  # a stage leads to half of the step, or all of it
-    steady, add_own, damp = forces.steady, forces.add_own, forces.damp
+    steady, add_particle_force, damp = forces.steady, forces.add_particle_force, forces.damp
     rk4_stage = device_formulas(integrators.make, real, math).rk4_stage
     k_derivative, k_total, last = RK4_DERIVATIVE[stage], RK4_TOTAL[stage], stage == 3
     has_pins = "pins" in parts
@@ -170,7 +170,7 @@ def make_cloth_rk4(real: Any, math: str, parts: frozenset[str], stage: int) -> A
     ):  # fmt: skip
         parameters, integers = world.parameters, world.integers
         ax, ay, az = steady(position, velocity, place, cell, p, v, parameters, air)
-        ax, ay, az = add_own(ax, ay, az, k, zero, parameters, integers, step)
+        ax, ay, az = add_particle_force(ax, ay, az, k, zero, parameters, integers, step)
         ax, ay, az = damp(ax, ay, az, v, parameters)
         derivative_dt, total_dt = parameters[k_derivative], parameters[k_total]
         new_p, sum_p = advanced(base_p, v, total_p, derivative_dt, total_dt)
@@ -182,7 +182,7 @@ def make_cloth_rk4(real: Any, math: str, parts: frozenset[str], stage: int) -> A
             new_p, new_v = (px, py, pz), (vx, vy, vz)
         if has_pins:
             if p[3] != zero:
-                px, py, pz, vx, vy, vz = hold(p[3], p, step, half_way, world)
+                px, py, pz, vx, vy, vz = pin(p[3], p, step, halfway, world)
                 new_p, new_v = (px, py, pz), (vx, vy, vz)
         return new_p, new_v, sum_p, sum_v
 

@@ -172,15 +172,15 @@ def make_accelerations(real: Any, math: str, parts: frozenset[str]) -> SimpleNam
 
 @cache
 def make_cloth_forces(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """Make the device functions of a variant: `steady`, `add_own`, `damp`, `current_step`.
+    """Make the device functions of a variant: `steady`, `add_particle_force`, `damp`, `current_step`.
 
-    `steady`: springs, gravity, wind, which the two combined kicks of velocity Verlet share; then `add_own`
+    `steady`: springs, gravity, wind, which the two combined kicks of velocity Verlet share; then `add_particle_force`
     (core/forces.py) and `damp`, each (ax, ay, az, ...) -> (ax, ay, az).
     """
     spring_sum, winds = make_cloth_springs(real, math, parts), make_wind(real, math, parts)
     wind_sum = winds.wind_sum
     forces = make_forces(real, math, parts)
-    add_gravity, add_own = forces.add_gravity, forces.add_own
+    add_gravity, add_particle_force = forces.add_gravity, forces.add_particle_force
     _, damped = device_formulas(springs.make, real, math)
     inline = inlined(math)
     has_wind, has_damping, has_time = "wind" in parts, "damping" in parts, knows_time(parts)
@@ -210,6 +210,6 @@ def make_cloth_forces(real: Any, math: str, parts: frozenset[str]) -> SimpleName
         return no_step
 
     return SimpleNamespace(
-        spring_sum=spring_sum, wind_sum=wind_sum, air_now=winds.air_now, steady=steady, add_own=add_own,
+        spring_sum=spring_sum, wind_sum=wind_sum, air_now=winds.air_now, steady=steady, add_particle_force=add_particle_force,
         damp=damp, current_step=current_step,
     )  # fmt: skip

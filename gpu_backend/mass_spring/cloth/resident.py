@@ -37,7 +37,7 @@ from softlab.gpu_backend.mass_spring.cloth.tiling import fields, plane_shape
 
 # Cycles between a block's own sending and its first check of others' messages. All blocks send at about the same time,
 # and a check that comes a little too soon costs another memory access, about 600 cycles.
-FIRST_LOOK = 0
+FIRST_CHECK = 0
 
 
 @cache
@@ -56,7 +56,7 @@ def _make_publish(real: Any, math: str, keeps: bool) -> Any:
 
 
 @cache
-def _make_fetch(real: Any, math: str, keeps: bool, most: int, put: Any, first_look: int) -> Any:
+def _make_fetch(real: Any, math: str, keeps: bool, most: int, put: Any, first_check: int) -> Any:
     """Make fetch(border_position, border_velocity, turn, tag, shared, new, numbers, places, wanted, failed).
 
     It waits for the messages of the masses whose bit is set in `wanted`, and writes them into the copy of the planes at
@@ -69,9 +69,9 @@ def _make_fetch(real: Any, math: str, keeps: bool, most: int, put: Any, first_lo
     def fetch(border_position, border_velocity, turn, tag, shared, new, numbers, places, wanted, failed):
         x, y, z = cuda.local.array(most, real), cuda.local.array(most, real), cuda.local.array(most, real)
         vx, vy, vz = cuda.local.array(most, real), cuda.local.array(most, real), cuda.local.array(most, real)
-        looks = np.int32(0)
-        if first_look > 0:
-            pause(np.int32(first_look))
+        checks = np.int32(0)
+        if first_check > 0:
+            pause(np.int32(first_check))
         while wanted != 0:
             come = np.int32(0)
             for m in range(most):  # all are loaded before the first is waited for
@@ -88,8 +88,8 @@ def _make_fetch(real: Any, math: str, keeps: bool, most: int, put: Any, first_lo
                 if come & np.int32(1 << m):
                     put(shared, np.int32(new + places[m]), x[m], y[m], z[m], vx[m], vy[m], vz[m])
             wanted = wanted & ~come
-            looks += np.int32(1)
-            if looks > PATIENCE or ((looks & 1023) == 0 and read_flag(failed, 0) != 0):
+            checks += np.int32(1)
+            if checks > PATIENCE or ((checks & 1023) == 0 and read_flag(failed, 0) != 0):
                 raise_flag(failed, 0, np.int32(1))
                 break
 
@@ -113,7 +113,7 @@ def make_cloth_resident(real: Any, math: str, integrator: str, parts: frozenset[
     clear, read, read_other, write, around = f.clear, f.read, f.read_other, f.write, f.around
     first_air, air_of, current_step = f.first_air, f.air_of, f.current_step
     half, most, pitch, border_bits = f.half, f.most, f.pitch, f.border_bits
-    fetch = _make_fetch(real, math, keeps, most, f.put, FIRST_LOOK)
+    fetch = _make_fetch(real, math, keeps, most, f.put, FIRST_CHECK)
     area, renews = prod(plane_shape(tile, parts)), tile.halo > 1
     strip, threads, halo = tile.strip, np.int32(tile.threads), tile.halo
     scalar = np.dtype(real) if simulated() else real
@@ -140,16 +140,16 @@ def make_cloth_resident(real: Any, math: str, integrator: str, parts: frozenset[
         rows, columns, thread = np.int32(rows), np.int32(columns), np.int32(cuda.threadIdx.x)
         i, j, k, place, extent = place_of(rows, columns)
         _, row_first, row_end, _, column_first, column_end = extent
-        mine = nothing
+        owned_rows = nothing
         if j >= column_first and j < column_end:
-            mine = bits_between(row_first, row_end, i)
-        border = border_bits(mine, i, j, extent, rows, columns)
+            owned_rows = bits_between(row_first, row_end, i)
+        border = border_bits(owned_rows, i, j, extent, rows, columns)
         values, where = constants(parameters), sides(Cell(i, j, rows, columns))
         world = World(values, bodies, integers)
         first = current_step(counter, np.int64(0))
         clear(shared, thread)
         cuda.syncthreads()
-        held = read(position, velocity, shared, place, vx, vy, vz, k, columns)
+        pin_bits = read(position, velocity, shared, place, vx, vy, vz, k, columns)
         wanted = nothing
         for m in range(most):
             numbers[m], places[m] = around(np.int32(thread + np.int32(m) * threads), extent, rows, columns)
@@ -166,11 +166,11 @@ def make_cloth_resident(real: Any, math: str, integrator: str, parts: frozenset[
             exchange = left == 0 and number + 1 < passes
             active, sending = every, nothing
             if exchange:
-                active, sending, left = mine, border, np.int32(halo)
+                active, sending, left = owned_rows, border, np.int32(halo)
                 tag = np.int32(tag + 1)
             air = air_of(values, integers, now, shared, thread, number)
             step(
-                shared, old, new, place, where, active, sending, held, vx, vy, vz, k, columns, position, world, now, air,
+                shared, old, new, place, where, active, sending, pin_bits, vx, vy, vz, k, columns, position, world, now, air,
                 (border_position, border_velocity, turn, tag),
             )  # fmt: skip
             if exchange:
@@ -179,10 +179,10 @@ def make_cloth_resident(real: Any, math: str, integrator: str, parts: frozenset[
             cuda.syncthreads()
             if renews:
                 if exchange:
-                    renew(shared, np.int32(new + place), every & ~mine, vx, vy, vz)
+                    renew(shared, np.int32(new + place), every & ~owned_rows, vx, vy, vz)
             old = new
-        write(position, new_position, new_velocity, mine, shared, np.int32(old + place), vx, vy, vz, k, columns)
+        write(position, new_position, new_velocity, owned_rows, shared, np.int32(old + place), vx, vy, vz, k, columns)
 
     bounds = (tile.threads, cloth_blocks_together(real, tile, parts))
-    variant = variant_name(real, math, integrator, parts, tile.name, FIRST_LOOK)
+    variant = variant_name(real, math, integrator, parts, tile.name, FIRST_CHECK)
     return make_kernel(cloth_resident, variant, launch_bounds=bounds, **kernel_options(math))

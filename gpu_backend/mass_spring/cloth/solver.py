@@ -31,7 +31,7 @@ from softlab.model.contact.cloth_parameters import body_rows, pin_velocity
 from softlab.model.core.integrators import IMPLICIT
 from softlab.model.core.plan import Executor
 from softlab.model.core.simulation import Options
-from softlab.model.mass_spring.cloth_plan import cloth_plan, kicks_meet
+from softlab.model.mass_spring.cloth_plan import cloth_plan, kicks_coupled
 from softlab.model.scene.scene import Scene
 
 
@@ -81,9 +81,9 @@ class ClothMassSpring(SheetPasses, QuadSimulation):
             self._launch, fused = self._launch_rk4, self._advance_steps
         else:
             self._passes = make_cloth_passes(*variant)
-            verlet, meet = "middle" in self._passes, kicks_meet(self.plan.parts)
-            self._launch = self._launch_passes if meet or not verlet else self._launch_pairs
-            fused = self._advance_verlet if meet and verlet else self._advance_steps
+            verlet, coupled_kicks = "middle" in self._passes, kicks_coupled(self.plan.parts)
+            self._launch = self._launch_passes if coupled_kicks or not verlet else self._launch_pairs
+            fused = self._advance_verlet if coupled_kicks and verlet else self._advance_steps
         if self.tile:
             self._tiles = ClothTiles(self, self.kernel, self.tile)
         if self.kernel == "one-block":

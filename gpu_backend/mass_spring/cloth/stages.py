@@ -139,7 +139,7 @@ def make_motion_stages(real: Any, math: str, integrator: str, parts: frozenset[s
 @cache
 def make_bound_stages(real: Any, math: str, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
     """Compile the stages that constrain masses: colliders and pins."""
-    collide_point, hold = make_collide(real, math, parts), make_pins(real, math, parts).hold
+    collide_point, pin = make_collide(real, math, parts), make_pins(real, math, parts).pin
     zero = real(0)
 
     def collide(before, position, velocity, record, bodies, integers, step):
@@ -151,21 +151,21 @@ def make_bound_stages(real: Any, math: str, integrator: str, parts: frozenset[st
             store_quad(position, k, px, py, pz, p[3])
             store_quad(velocity, k, vx, vy, vz, zero)
 
-    def pins(held, position, velocity):
+    def pins(stored, position, velocity):
         k = np.int32(cuda.grid(1))
         if k < position.size // SIZE:
-            h = load_quad(held, k)
+            h = load_quad(stored, k)
             if h[3] != zero:
                 store_quad(position, k, h[0], h[1], h[2], h[3])
                 store_quad(velocity, k, zero, zero, zero, zero)
 
-    def moving_pins(position, velocity, record, bodies, step, half_way):
+    def moving_pins(position, velocity, record, bodies, step, halfway):
         world = World(record[0], bodies, None)
         k = np.int32(cuda.grid(1))
         if k < position.size // SIZE:
             p = load_quad(position, k)
             if p[3] != zero:
-                x, y, z, vx, vy, vz = hold(p[3], p, step, half_way != 0, world)
+                x, y, z, vx, vy, vz = pin(p[3], p, step, halfway != 0, world)
                 store_quad(position, k, x, y, z, p[3])
                 store_quad(velocity, k, vx, vy, vz, zero)
 
@@ -196,23 +196,23 @@ def bind_cloth_stages(sim: Any) -> dict[str, StageRun]:
             at["position"], at["velocity"], record, integers, np.int64(step), sim.real(offset), a, *sim.shape
         )  # fmt: skip
 
-    def keep_before() -> None:
+    def store_before() -> None:
         """Save the positions at the step's start, for the swept test of a ball."""
         if sim.plan.has("collide"):
             before.copy_to_device(position, stream=sim.stream)
 
     def integrate(moment: Moment) -> None:
-        keep_before()
+        store_before()
         motion.integrate[flat](position, velocity, a, record)
 
     def first_kick(moment: Moment) -> None:
-        keep_before()
+        store_before()
         motion.first_kick[flat](position, velocity, a, record)
 
     def accumulate(stage: int) -> StageRun:
         def run(moment: Moment) -> None:
             if stage == 1:
-                keep_before()
+                store_before()
             turn = 2 * (stage % 2)
             out_p, out_v = (position, velocity) if stage == 4 else (stage_state[turn], stage_state[turn + 1])
             rate_p = at["velocity"]
@@ -223,7 +223,7 @@ def bind_cloth_stages(sim: Any) -> dict[str, StageRun]:
         return run
 
     def pins(moment: Moment) -> None:
-        bound.pins[flat](sim.kept_position, at["position"], at["velocity"])
+        bound.pins[flat](sim.stored_position, at["position"], at["velocity"])
         if "motion" in sim.plan.parts:
             bound.moving_pins[flat](
                 at["position"],

@@ -29,7 +29,7 @@ from softlab.gpu_backend.core.tiling import Tile
 from softlab.gpu_backend.core.wind import make_wind
 from softlab.gpu_backend.mass_spring.cloth.moves import make_cloth_kicks
 from softlab.gpu_backend.mass_spring.cloth.point import make_accelerations
-from softlab.gpu_backend.mass_spring.cloth.tiling import fields, needs_velocities, plane_shape, reach_of
+from softlab.gpu_backend.mass_spring.cloth.tiling import fields, needs_velocities, plane_shape, stencil_rows
 from softlab.model.base.tuples import reader
 from softlab.model.contact.cloth_parameters import CLOTH_PARAMETERS
 
@@ -225,20 +225,25 @@ def _make_mass(
     kicks = make_cloth_kicks(real, math, integrator, parts)
     kick = kicks.get("middle", kicks.get("step"))
     has_gravity, has_wind, has_pins = "gravity" in parts, "wind" in parts, "pins" in parts
-    strip, reach, (_, pitch), moving = tile.strip, reach_of(parts), plane_shape(tile, parts), needs_velocities(parts)
+    strip, stencil, (_, pitch), moving = (
+        tile.strip,
+        stencil_rows(parts),
+        plane_shape(tile, parts),
+        needs_velocities(parts),
+    )
     zero, inline = real(0), inlined(math)
 
     def make_mass(r: int) -> Any:
         spring_sum, wind_on = make_springs(r), make_air(r)
         bit, distance = np.int32(1 << r), r * pitch
         last, put = r == strip - 1, make_put(distance, moving)
-        load_below_2 = make_load((r + 3) * pitch if reach == 2 else r * pitch)
+        load_below_2 = make_load((r + 3) * pitch if stencil == 2 else r * pitch)
         load_below_next = make_load((r + 2) * pitch)
         after = None if last else make_mass(r + 1)
 
         @inline
         def mass(
-            shared, places, new, sides, active, sending, held, vx, vy, vz, k, columns, position, world,
+            shared, places, new, sides, active, sending, pin_bits, vx, vy, vz, k, columns, position, world,
             step, air, post, here, ups, window,
         ):  # fmt: skip
             parameters = world.parameters
@@ -252,14 +257,14 @@ def _make_mass(
             if not last:  # loaded before this mass is stored, since no load may overtake a store
                 next_here = window.below
                 next_window = Window(
-                    here, window.below_2 if reach == 2 else load_below_next(shared, places.here),
+                    here, window.below_2 if stencil == 2 else load_below_next(shared, places.here),
                     load_below_2(shared, places.here), window.left, window.left_below, load_below_next(shared, places.west),
                     window.right, window.right_below, load_below_next(shared, places.east),
                 )  # fmt: skip
             if active & bit:
                 mark = zero
                 if has_pins:
-                    if held & bit:
+                    if pin_bits & bit:
                         mark = load_quad(position, k)[3]
                 p, v = (here[0], here[1], here[2], mark), (vx[r], vy[r], vz[r], zero)
                 px, py, pz, ux, uy, uz = kick(ax, ay, az, k, p, v, world, step)
@@ -269,8 +274,8 @@ def _make_mass(
                     publish(k, px, py, pz, ux, uy, uz, post)
             if not last:
                 after(
-                    shared, places, new, sides, active, sending, held, vx, vy, vz, np.int32(k + columns), columns, position,
-                    world, step, air, post, next_here, next_ups, next_window,
+                    shared, places, new, sides, active, sending, pin_bits, vx, vy, vz, np.int32(k + columns), columns,
+                    position, world, step, air, post, next_here, next_ups, next_window,
                 )  # fmt: skip
 
         return mass
@@ -287,9 +292,10 @@ def make_cloth_strips(
     - `constants(parameters)`: the record's values, read once;
     - `put(shared, place, x, y, z, vx, vy, vz)`: store one mass, its velocity if that is stored;
     - `sides(cell)`: the bits WEST ... of a strip whose first mass is in row i and column j;
-    - `step(shared, old, new, place, sides, active, sending, held, vx, vy, vz, k, columns, position, world, number, air,
+    - `step(shared, old, new, place, sides, active, sending, pin_bits, vx, vy, vz, k, columns, position, world, number, air,
       post)`: one pass of the masses of the strip whose bit is set in `active`, from the copy of the planes that starts at
-      `old` into the one at `new`. `held`: bits of pinned masses; k: number of the first mass; `publish(k, x, y, z, vx, vy,
+      `old` into the one at `new`. `pin_bits`: bits of pinned masses; k: number of the first mass; `publish(k, x, y, z,
+      vx, vy,
       vz, post)` is called for those with a bit in `sending`.
     """
     planes, (sides, make_there) = _make_planes(real, math, parts, tile), _make_sides(math, tile.strip)
@@ -297,12 +303,12 @@ def make_cloth_strips(
     first_mass = _make_mass(real, math, integrator, parts, tile, publish, planes, make_there)(0)
     put, (_, pitch) = make_put(0, fields(tile, parts) == 6), plane_shape(tile, parts)
     load_here, load_above, load_below = make_load(0), make_load(-pitch), make_load(pitch)
-    load_two_below = make_load(2 * pitch if reach_of(parts) == 2 else 0)
+    load_two_below = make_load(2 * pitch if stencil_rows(parts) == 2 else 0)
     zero, one, two, inline = real(0), np.int32(1), np.int32(2), inlined(math)
 
     @inline
     def step(
-        shared, old, new, place, sides, active, sending, held, vx, vy, vz, k, columns, position, world,
+        shared, old, new, place, sides, active, sending, pin_bits, vx, vy, vz, k, columns, position, world,
         number, air, post,
     ):  # fmt: skip
         base = np.int32(old + place)
@@ -316,7 +322,7 @@ def make_cloth_strips(
         )  # fmt: skip
         none = (zero, zero, zero)
         first_mass(
-            shared, places, np.int32(new + place), sides, active, sending, held, vx, vy, vz, k, columns, position, world,
+            shared, places, np.int32(new + place), sides, active, sending, pin_bits, vx, vy, vz, k, columns, position, world,
             number, air, post, load_here(shared, base), Ups(none, none, none), window,
         )  # fmt: skip
 

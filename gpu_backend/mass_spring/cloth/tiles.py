@@ -24,7 +24,7 @@ from softlab.gpu_backend.mass_spring.cloth.tiling import (
     most_to_fetch,
     overlap_of,
     plane_shape,
-    reach_of,
+    stencil_rows,
     tile_bytes,
 )
 from softlab.gpu_backend.mass_spring.grid.strips import make_bits_between
@@ -49,8 +49,13 @@ def cloth_blocks_together(real: Any, tile: Tile, parts: frozenset[str]) -> int:
 
 def _make_places(math: str, parts: frozenset[str], tile: Tile) -> SimpleNamespace:
     """Make device functions of indices: `place_of` a thread's strip, masses `around` those that its block owns."""
-    overlap, rings = np.int32(overlap_of(tile, parts)), np.int32(reach_of(parts) * tile.halo)
-    strip, width, height, reach = tile.strip, np.int32(tile.columns), np.int32(tile.rows), np.int32(reach_of(parts))
+    overlap, rings = np.int32(overlap_of(tile, parts)), np.int32(stencil_rows(parts) * tile.halo)
+    strip, width, height, stencil = (
+        tile.strip,
+        np.int32(tile.columns),
+        np.int32(tile.rows),
+        np.int32(stencil_rows(parts)),
+    )
     pitch, inline, bits_between = np.int32(plane_shape(tile, parts)[1]), inlined(math), make_bits_between(math, strip)
 
     @inline
@@ -77,7 +82,7 @@ def _make_places(math: str, parts: frozenset[str], tile: Tile) -> SimpleNamespac
         thread = np.int32(cuda.threadIdx.x)
         down, across = np.int32(thread // width * strip), np.int32(thread % width)
         i, j = np.int32(row_start + down), np.int32(column_start + across)
-        k, place = np.int32(i * columns + j), np.int32((down + reach) * pitch + (across + reach))
+        k, place = np.int32(i * columns + j), np.int32((down + stencil) * pitch + (across + stencil))
         return i, j, k, place, (row_start, row_first, row_end, column_start, column_first, column_end)
 
     @inline
@@ -103,21 +108,21 @@ def _make_places(math: str, parts: frozenset[str], tile: Tile) -> SimpleNamespac
                     j = np.int32(j + (column_end - column_first))
         if i < 0:
             return np.int32(-1), np.int32(0)
-        place = np.int32((i - row_start + reach) * pitch + (j - column_start + reach))
+        place = np.int32((i - row_start + stencil) * pitch + (j - column_start + stencil))
         return np.int32(i * columns + j), place
 
     @inline
-    def border_bits(mine, i, j, extent, rows, columns):
-        """Return those of the bits `mine` that other blocks need."""
+    def border_bits(owned_rows, i, j, extent, rows, columns):
+        """Return those of the bits `owned_rows` that other blocks need."""
         _, row_first, row_end, _, column_first, column_end = extent
         inner_first, inner_end = row_first, row_end
         if row_first > 0:
             inner_first = np.int32(row_first + rings)
         if row_end < rows:
             inner_end = np.int32(row_end - rings)
-        border = mine & ~bits_between(inner_first, inner_end, i)
+        border = owned_rows & ~bits_between(inner_first, inner_end, i)
         if (column_first > 0 and j < column_first + rings) or (column_end < columns and j >= column_end - rings):
-            border = mine
+            border = owned_rows
         return np.int32(border)
 
     return SimpleNamespace(
@@ -153,7 +158,7 @@ def make_tile_parts(
     @inline
     def read(position, velocity, shared, place, vx, vy, vz, k, columns):
         """Read a thread's own masses; returns the bits of those that are pinned."""
-        held = np.int32(0)
+        pin_bits = np.int32(0)
         for r in range(strip):
             here = np.int32(k + np.int32(r) * columns)
             p, v = load_quad(position, here), load_quad(velocity, here)
@@ -161,8 +166,8 @@ def make_tile_parts(
             put(shared, np.int32(place + np.int32(r) * pitch), p[0], p[1], p[2], v[0], v[1], v[2])
             if has_pins:
                 if p[3] != zero:
-                    held = held | np.int32(1 << r)
-        return held
+                    pin_bits = pin_bits | np.int32(1 << r)
+        return pin_bits
 
     @inline
     def read_other(position, velocity, shared, number, place):
@@ -171,9 +176,9 @@ def make_tile_parts(
         put(shared, place, p[0], p[1], p[2], v[0], v[1], v[2])
 
     @inline
-    def write(position, new_position, new_velocity, mine, shared, place, vx, vy, vz, k, columns):
+    def write(position, new_position, new_velocity, owned_rows, shared, place, vx, vy, vz, k, columns):
         for r in range(strip):
-            if mine & np.int32(1 << r):
+            if owned_rows & np.int32(1 << r):
                 here, at = np.int32(k + np.int32(r) * columns), np.int32(place + np.int32(r) * pitch)
                 x, y, z = near(shared, at, 0), near(shared, at, area), near(shared, at, 2 * area)
                 store_quad(new_position, here, x, y, z, load_quad(position, here)[3])

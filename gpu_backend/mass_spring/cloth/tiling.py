@@ -18,14 +18,14 @@ from softlab.gpu_backend.core.tiling import Tile
 AIRS = 8  # scalars: the air's velocity of this step and of the next
 
 
-def reach_of(parts: frozenset[str]) -> int:
+def stencil_rows(parts: frozenset[str]) -> int:
     """Return the rings of masses that the forces on a mass depend on."""
     return 2 if "bending" in parts else 1
 
 
 def overlap_of(tile: Tile, parts: frozenset[str]) -> int:
     """Return the rings that a tile shares with each neighbour's."""
-    return reach_of(parts) * (tile.halo - 1)
+    return stencil_rows(parts) * (tile.halo - 1)
 
 
 def needs_velocities(parts: frozenset[str]) -> bool:
@@ -35,7 +35,7 @@ def needs_velocities(parts: frozenset[str]) -> bool:
 
 def plane_shape(tile: Tile, parts: frozenset[str]) -> tuple[int, int]:
     """Return (rows, columns) of a block's plane of a scalar: its tile and the rings around it."""
-    return tile.rows + 2 * reach_of(parts), tile.columns + 2 * reach_of(parts)
+    return tile.rows + 2 * stencil_rows(parts), tile.columns + 2 * stencil_rows(parts)
 
 
 def fields(tile: Tile, parts: frozenset[str]) -> int:
@@ -52,7 +52,7 @@ def tile_bytes(real: Any, tile: Tile, parts: frozenset[str]) -> int:
 
 def most_to_fetch(tile: Tile, parts: frozenset[str]) -> int:
     """Return the largest number of masses that a block needs from others after a round."""
-    rings, overlap = reach_of(parts) * tile.halo, overlap_of(tile, parts)
+    rings, overlap = stencil_rows(parts) * tile.halo, overlap_of(tile, parts)
     rows, columns = tile.rows - 2 * overlap, tile.columns - 2 * overlap
     return 2 * rings * (columns + 2 * rings + rows)
 

@@ -77,12 +77,12 @@ def _times(
     if tile.threads <= MAX_THREADS and shared_bytes(real, tile) <= most_shared:
         least, thousand = ONE_BLOCK[real]
         times["one-block", tile] = least + 1e-3 * tile.masses * thousand
-    for name, by_share in RESIDENT[real].items():
+    for name, by_blocks in RESIDENT[real].items():
         tile = parsed_tile(name)
         if fits_resident(rows, columns, real, tile, limits):
             across, down = blocks_of(rows, columns, tile)
-            share = -(-across * down // processors)
-            measured = [time for blocks, time in by_share.items() if blocks >= share]
+            blocks_each = -(-across * down // processors)
+            measured = [time for blocks, time in by_blocks.items() if blocks >= blocks_each]
             if measured:
                 times["resident", tile] = min(measured)
     name, launch, million = TILES[real]

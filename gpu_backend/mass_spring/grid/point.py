@@ -16,10 +16,10 @@ import numpy as np
 from numba import cuda
 
 from softlab.gpu_backend.core.compile import kernel_options
-from softlab.gpu_backend.core.forces import make_own_force
+from softlab.gpu_backend.core.forces import make_particle_force
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.pairs import load_pair
-from softlab.model.core.own_forces import own_changes
+from softlab.model.core.own_forces import particle_forces_change
 from softlab.model.formulas import integrators, springs
 
 
@@ -81,9 +81,9 @@ def make_point_functions(real: Any, math: str, integrator: str, parts: frozenset
     spring_acceleration_2d, damped = device_formulas(springs.make, real, math)
     spring_sum = _make_spring_sum(real, device, spring_acceleration_2d, parts)
     formulas = device_formulas(integrators.make, real, math, damped="damping" in parts)
-    own = make_own_force(real, math, 2, parts)
+    particle_force = make_particle_force(real, math, 2, parts)
     has_gravity, has_damping = "gravity" in parts, "damping" in parts
-    changes, zero = own_changes(parts), real(0)
+    changes, zero = particle_forces_change(parts), real(0)
     explicit_damping = has_damping and integrator != "velocity-verlet"
     no_step = np.int64(0)
 
@@ -98,7 +98,7 @@ def make_point_functions(real: Any, math: str, integrator: str, parts: frozenset
         """Return the acceleration of mass k [m/s^2] from the springs' pulls (ax, ay); with the damper if the integrator
         applies it explicitly."""
         ay = add_gravity(ay, parameters)
-        ax, ay = own((ax, ay), k, zero, parameters, integers, step)
+        ax, ay = particle_force((ax, ay), k, zero, parameters, integers, step)
         if explicit_damping:
             ax = damped(ax, velocity.real, parameters.damping)
             ay = damped(ay, velocity.imag, parameters.damping)
@@ -112,7 +112,7 @@ def make_point_functions(real: Any, math: str, integrator: str, parts: frozenset
         return no_step
 
     return SimpleNamespace(
-        spring_sum=spring_sum, add_gravity=add_gravity, own=own,
+        spring_sum=spring_sum, add_gravity=add_gravity, particle_force=particle_force,
         acceleration=acceleration, current_step=current_step, formulas=formulas, changes=changes,
         spring_acceleration_2d=spring_acceleration_2d, damped=damped,
     )  # fmt: skip
@@ -127,7 +127,7 @@ def make_moves(real: Any, math: str, integrator: str, parts: frozenset[str]) -> 
     springs' pulls, p and v are the mass's own. `parameters` may be the record or its values in registers.
     """
     point = make_point_functions(real, math, integrator, parts)
-    add_gravity, own = point.add_gravity, point.own
+    add_gravity, particle_force = point.add_gravity, point.particle_force
     acceleration, formulas, changes = point.acceleration, point.formulas, point.changes
     first_half, second_half = formulas.verlet_first_half, formulas.verlet_second_half
     verlet = integrator == "velocity-verlet"
@@ -154,7 +154,7 @@ def make_moves(real: Any, math: str, integrator: str, parts: frozenset[str]) -> 
     @device
     def closing_mass(k, ax, ay, p, v, parameters, integers, step):
         ay = add_gravity(ay, parameters)
-        ax, ay = own((ax, ay), k, zero, parameters, integers, step - 1)
+        ax, ay = particle_force((ax, ay), k, zero, parameters, integers, step - 1)
         half_dt, inverse_damping = parameters.half_dt, parameters.inverse_damping
         vx = second_half(v.real, ax, half_dt, inverse_damping)
         vy = second_half(v.imag, ay, half_dt, inverse_damping)
@@ -165,9 +165,9 @@ def make_moves(real: Any, math: str, integrator: str, parts: frozenset[str]) -> 
         """Do the second half kick of one step and the first of the next: both need the force here, computed once."""
         ay = add_gravity(ay, parameters)
         bx, by = ax, ay
-        ax, ay = own((ax, ay), k, zero, parameters, integers, step - 1)
+        ax, ay = particle_force((ax, ay), k, zero, parameters, integers, step - 1)
         if changes:
-            bx, by = own((bx, by), k, zero, parameters, integers, step)
+            bx, by = particle_force((bx, by), k, zero, parameters, integers, step)
         else:
             bx, by = ax, ay
         half_dt, inverse_damping = parameters.half_dt, parameters.inverse_damping

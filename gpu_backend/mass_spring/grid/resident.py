@@ -58,10 +58,10 @@ def _make_exchange(real: Any, math: str, tile: Tile) -> tuple[Any, Any]:
             across = np.int32(cuda.blockIdx.x) + turn % 3 - 1
             if down >= 0 and down < cuda.gridDim.y and across >= 0 and across < cuda.gridDim.x:
                 place = np.int32((down * np.int32(cuda.gridDim.x) + across) * FLAG_STRIDE)
-                looks = np.int32(0)
+                checks = np.int32(0)
                 while np.int32(read_flag(flags, place) - wanted) < 0:
-                    looks += np.int32(1)
-                    if looks > PATIENCE or ((looks & 1023) == 0 and read_flag(failed, 0) != 0):
+                    checks += np.int32(1)
+                    if checks > PATIENCE or ((checks & 1023) == 0 and read_flag(failed, 0) != 0):
                         raise_flag(failed, 0, np.int32(1))
                         break
 
@@ -79,7 +79,7 @@ def make_resident(real: Any, math: str, integrator: str, parts: frozenset[str], 
     set to 1 by a block whose neighbours never respond. Launched cooperatively, one block per tile.
     """
     f, (fetch, wait) = make_tile_parts(real, math, integrator, parts, tile, cut), _make_exchange(real, math, tile)
-    constants, read, held_bits, place_of = f.constants, f.read, f.held_bits, f.place_of
+    constants, read, pin_bits_of, place_of = f.constants, f.read, f.pin_bits_of, f.place_of
     write, bits_between = f.write, f.bits_between
     run = f.runs["middle"] if "middle" in f.runs else f.runs["step"]
     strip, halo, pair = tile.strip, tile.halo, pair_type(real)
@@ -97,21 +97,21 @@ def make_resident(real: Any, math: str, integrator: str, parts: frozenset[str], 
             np.int32(cuda.blockIdx.y), np.int32(cuda.gridDim.y), rows, columns
         )
         row_first, row_end, column_first, column_end = owned
-        mine, border, outside = np.int32(0), np.int32(0), np.int32(0)
+        owned_rows, border, outside = np.int32(0), np.int32(0), np.int32(0)
         if j < columns:
-            rows_mine = bits_between(row_first, row_end, i)
+            rows_owned = bits_between(row_first, row_end, i)
             rows_here = bits_between(np.int32(0), rows, i)
             if j >= column_first and j < column_end:
-                mine = rows_mine
-            outside = rows_here & ~mine
+                owned_rows = rows_owned
+            outside = rows_here & ~owned_rows
             inner_first = row_first + halo if row_first > 0 else row_first
             inner_end = row_end - halo if row_end < rows else row_end
-            border = mine & ~bits_between(inner_first, inner_end, i)
+            border = owned_rows & ~bits_between(inner_first, inner_end, i)
             if (column_first > 0 and j < column_first + halo) or (column_end < columns and j >= column_end - halo):
-                border = mine
+                border = owned_rows
         values = constants(parameters)
         read(position, velocity, vx, vy, both, place, Cell(i, j, rows, columns))
-        held = held_bits(pinned, Cell(i, j, rows, columns))
+        pin_bits = pin_bits_of(pinned, Cell(i, j, rows, columns))
         cuda.syncthreads()
         old = np.int32(0)
         done = np.int64(0)
@@ -121,7 +121,7 @@ def make_resident(real: Any, math: str, integrator: str, parts: frozenset[str], 
         while True:
             steps = min(np.int64(halo), passes - done)
             old = run(
-                steps, done, old, both, vx, vy, held, place, left, right, above, below, i, j, values, integers,
+                steps, done, old, both, vx, vy, pin_bits, place, left, right, above, below, i, j, values, integers,
                 counter, rows, columns,
             )  # fmt: skip
             done += steps
@@ -137,7 +137,7 @@ def make_resident(real: Any, math: str, integrator: str, parts: frozenset[str], 
             fetch(border_position, border_velocity, offset, outside, vx, vy, both, old, place, i, j, columns)
             cuda.syncthreads()
             offset = particles - offset
-        write(new_position, new_velocity, np.int32(0), mine, both, old, place, vx, vy, i, j, columns)
+        write(new_position, new_velocity, np.int32(0), owned_rows, both, old, place, vx, vy, i, j, columns)
 
     bounds = (tile.threads, blocks_together(real, tile))
     variant = variant_name(real, math, integrator, parts, tile.name, cut)

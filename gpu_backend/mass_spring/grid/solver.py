@@ -22,7 +22,7 @@ from softlab.gpu_backend.mass_spring.grid.tile_launch import TileLauncher
 from softlab.gpu_backend.mass_spring.passes import SheetPasses
 from softlab.model.base.errors import SceneError
 from softlab.model.core.options import unknown_kernel
-from softlab.model.core.own_forces import EXTERNAL_SEED, FIRST, in_window, own_changes
+from softlab.model.core.own_forces import EXTERNAL_SEED, FIRST, in_window, particle_forces_change
 from softlab.model.core.plan import Executor
 from softlab.model.core.simulation import Options
 from softlab.model.mass_spring.plan import mass_spring_plan
@@ -87,7 +87,7 @@ class MassSpring(SheetPasses):
         else:
             rows_pinned = pinned.reshape(self.body.rows, -1).max(axis=1)
         self.pinned, self._pinned_row = self.on_device(pinned), self.on_device(rows_pinned)
-        self._counts = own_changes(self.plan.parts)
+        self._counts = particle_forces_change(self.plan.parts)
 
     def _build(self) -> None:
         """Compile and load every kernel, by running it once on arrays that `reset` then overwrites."""

@@ -13,10 +13,10 @@ import numpy as np
 from numba import cuda
 
 from softlab.gpu_backend.core.compile import kernel_options, make_kernel, make_kernels, variant_name
-from softlab.gpu_backend.core.forces import make_own_force
+from softlab.gpu_backend.core.forces import make_particle_force
 from softlab.gpu_backend.core.world import Cell
 from softlab.gpu_backend.mass_spring.grid.point import make_point_functions
-from softlab.model.core.own_forces import WINDOW, own_forces
+from softlab.model.core.own_forces import WINDOW, particle_forces
 from softlab.model.core.plan import Moment, StageRun
 
 STAGE_PARTS = frozenset({"springs", "gravity", "damping"})
@@ -49,11 +49,11 @@ def make_force_stages(real: Any, math: str, integrator: str, parts: frozenset[st
         if k < a.shape[0]:
             a[k] = pair(complex(a[k].real, a[k].imag + parameters.gravity))
 
-    def stage_of(own: Any) -> Any:
+    def stage_of(particle_force: Any) -> Any:
         def force(record, integers, step, a):
             k = np.int32(cuda.grid(1))
             if k < a.shape[0]:
-                ax, ay = own((a[k].real, a[k].imag), k, zero, record[0], integers, step)
+                ax, ay = particle_force((a[k].real, a[k].imag), k, zero, record[0], integers, step)
                 a[k] = pair(complex(ax, ay))
 
         return make_kernel(force, variant_name(real, math, parts), **kernel_options(math))
@@ -67,12 +67,13 @@ def make_force_stages(real: Any, math: str, integrator: str, parts: frozenset[st
             a[k] = pair(complex(ax, ay))
 
     kernels = (spring_forces, no_forces, gravity, damping)
-    made = make_kernels(kernels, variant_name(real, math, integrator, parts), **kernel_options(math))
+    stages = make_kernels(kernels, variant_name(real, math, integrator, parts), **kernel_options(math))
     window = parts & {WINDOW}
-    made.own = {
-        force.stage: stage_of(make_own_force(real, math, 2, window | {force.part})) for force in own_forces(parts)
+    stages.particle_forces = {
+        force.stage: stage_of(make_particle_force(real, math, 2, window | {force.part}))
+        for force in particle_forces(parts)
     }
-    return made
+    return stages
 
 
 @cache
@@ -126,10 +127,10 @@ def make_motion_stages(real: Any, math: str, integrator: str, parts: frozenset[s
             total[k] = pair(complex(sum_x, sum_y))
             out[k] = total[k] if stage == 4 else pair(complex(x, y))
 
-    def pins(pinned, held, position, velocity):
+    def pins(pinned, stored, position, velocity):
         k = cuda.grid(1)
         if k < position.shape[0] and pinned[k] != 0:
-            position[k] = held[k]
+            position[k] = stored[k]
             velocity[k] = pair(complex(zero, zero))
 
     kernels = (integrate, first_kick, second_kick, accumulate, pins)
@@ -166,11 +167,11 @@ def bind_stages(sim: Any) -> dict[str, StageRun]:
         "spring forces": lambda moment: force.spring_forces[flat](at["position"], sim.record, a, *shape),
         "no forces": lambda moment: force.no_forces[flat](a),
         "gravity": lambda moment: force.gravity[flat](sim.record, a),
-        **{name: bound(kernel) for name, kernel in force.own.items()},
+        **{name: bound(kernel) for name, kernel in force.particle_forces.items()},
         "damping": lambda moment: force.damping[flat](at["velocity"], sim.record, a),
         f"integrate ({integrator})": lambda moment: motion.integrate[flat](position, velocity, a, sim.record),
         "first half kick and drift": lambda moment: motion.first_kick[flat](position, velocity, a, sim.record),
         "second half kick": lambda moment: motion.second_kick[flat](velocity, a, sim.record),
         **{f"accumulate (rk4 {stage})": accumulate(stage) for stage in range(1, 5)},
-        "pins": lambda moment: motion.pins[flat](sim.pinned, sim.kept_position, at["position"], at["velocity"]),
+        "pins": lambda moment: motion.pins[flat](sim.pinned, sim.stored_position, at["position"], at["velocity"]),
     }

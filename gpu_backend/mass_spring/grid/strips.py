@@ -60,7 +60,7 @@ def make_reads(real: Any, math: str, parts: frozenset[str], tile: Tile) -> Simpl
 
     - `constants(parameters)`: the record's values, read once;
     - `read(position, velocity, vx, vy, both, place, cell)`: its strip from device memory;
-    - `held_bits(pinned, cell)`: bit r is set if mass r of the strip is pinned.
+    - `pin_bits_of(pinned, cell)`: bit r is set if mass r of the strip is pinned.
     """
     has_pins, strip, width = "pins" in parts, tile.strip, np.int32(tile.columns)
     pair = np.complex64 if real is np.float32 else np.complex128
@@ -79,7 +79,7 @@ def make_reads(real: Any, math: str, parts: frozenset[str], tile: Tile) -> Simpl
             store_pair(both, place + np.int32(r) * width, p.real, p.imag)
 
     @inline
-    def held_bits(pinned, cell):
+    def pin_bits_of(pinned, cell):
         i, j, rows, columns = cell.i, cell.j, cell.rows, cell.columns
         bits = np.int32(0)
         if has_pins:
@@ -90,13 +90,13 @@ def make_reads(real: Any, math: str, parts: frozenset[str], tile: Tile) -> Simpl
                         bits = bits | np.int32(1 << r)
         return bits
 
-    return SimpleNamespace(constants=reader(ON_TILES, inline), read=read, held_bits=held_bits)
+    return SimpleNamespace(constants=reader(ON_TILES, inline), read=read, pin_bits_of=pin_bits_of)
 
 
 def make_step(
     real: Any, math: str, parts: frozenset[str], tile: Tile, cut: bool, point: SimpleNamespace, move: Any
 ) -> Any:
-    """Make step(both, old, new, vx, vy, held, place, ...): one pass of a strip by `move` of point.make_moves.
+    """Make step(both, old, new, vx, vy, pin_bits, place, ...): one pass of a strip by `move` of point.make_moves.
 
     It goes from the copy of the positions that starts at `old` into the one at `new`. `cut`: the grid's last row may be
     inside a strip.
@@ -108,10 +108,10 @@ def make_step(
     inline = inlined(math)
 
     @inline
-    def hold(both, old, new, vx, vy, held, place):
+    def pin(both, old, new, vx, vy, pin_bits, place):
         """Reset pinned masses to their old positions."""
         for r in range(strip):
-            if held & np.int32(1 << r):
+            if pin_bits & np.int32(1 << r):
                 here = place + np.int32(r) * width
                 p = load_pair(both, old + here)
                 vx[r], vy[r] = zero, zero
@@ -119,7 +119,7 @@ def make_step(
 
     @inline
     def step(
-        both, old, new, vx, vy, held, place, left, right, above, below, i, j, parameters, integers, number, rows,
+        both, old, new, vx, vy, pin_bits, place, left, right, above, below, i, j, parameters, integers, number, rows,
         columns,
     ):  # fmt: skip
         stiffness, rest = parameters.stiffness, parameters.stiffness_rest
@@ -163,7 +163,7 @@ def make_step(
             store_pair(both, new + here, px, py)
             p, q, left_p, right_p = q, next_q, next_left, next_right
         if has_pins:
-            if held != 0:
-                hold(both, old, new, vx, vy, held, place)
+            if pin_bits != 0:
+                pin(both, old, new, vx, vy, pin_bits, place)
 
     return step

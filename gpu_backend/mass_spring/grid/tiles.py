@@ -87,7 +87,7 @@ def make_tile_parts(real: Any, math: str, integrator: str, parts: frozenset[str]
 
         @inline
         def run(
-            steps, number, old, both, vx, vy, held, place, left, right, above, below, i, j, parameters, integers, counter,
+            steps, number, old, both, vx, vy, pin_bits, place, left, right, above, below, i, j, parameters, integers, counter,
             rows, columns,
         ):  # fmt: skip
             """Do `steps` steps from the copy of the positions at `old`; returns the offset of the newest copy."""
@@ -95,7 +95,7 @@ def make_tile_parts(real: Any, math: str, integrator: str, parts: frozenset[str]
                 new = np.int32(half - old)
                 now = current_step(counter, number)
                 step(
-                    both, old, new, vx, vy, held, place, left, right, above, below, i, j, parameters, integers, now,
+                    both, old, new, vx, vy, pin_bits, place, left, right, above, below, i, j, parameters, integers, now,
                     rows, columns,
                 )  # fmt: skip
                 cuda.syncthreads()
@@ -118,7 +118,7 @@ def make_tile_parts(real: Any, math: str, integrator: str, parts: frozenset[str]
 
     runs = {name: make_run(move) for name, move in make_moves(real, math, integrator, parts).items()}
     return SimpleNamespace(
-        constants=reads.constants, read=reads.read, held_bits=reads.held_bits, axis=axis, place_of=place_of, runs=runs,
+        constants=reads.constants, read=reads.read, pin_bits_of=reads.pin_bits_of, axis=axis, place_of=place_of, runs=runs,
         write=write, bits_between=strips.make_bits_between(math, strip),
     )  # fmt: skip
 
@@ -145,7 +145,7 @@ def make_tile_pass(
     are its opening and its closing.
     """
     f = make_tile_parts(real, math, integrator, parts, tile, cut)
-    constants, read, held_bits, place_of = f.constants, f.read, f.held_bits, f.place_of
+    constants, read, pin_bits_of, place_of = f.constants, f.read, f.pin_bits_of, f.place_of
     write, bits_between = f.write, f.bits_between
     verlet = "middle" in f.runs
     run = f.runs["middle"] if verlet else f.runs["step"]
@@ -166,28 +166,28 @@ def make_tile_pass(
         row_first, row_end, column_first, column_end = owned
         values = constants(parameters)
         read(position, velocity, vx, vy, both, place, Cell(i, j, rows, columns))
-        held = held_bits(pinned, Cell(i, j, rows, columns))
+        pin_bits = pin_bits_of(pinned, Cell(i, j, rows, columns))
         cuda.syncthreads()
         old = zero
         if ends:
             old = opening(
-                1, pass_number, old, both, vx, vy, held, place, left, right, above, below, i, j, values, integers,
+                1, pass_number, old, both, vx, vy, pin_bits, place, left, right, above, below, i, j, values, integers,
                 counter, rows, columns,
             )  # fmt: skip
             pass_number += 1
             passes -= 2
         old = run(
-            passes, pass_number, old, both, vx, vy, held, place, left, right, above, below, i, j, values, integers,
+            passes, pass_number, old, both, vx, vy, pin_bits, place, left, right, above, below, i, j, values, integers,
             counter, rows, columns,
         )  # fmt: skip
         if ends:
             old = closing(
-                1, pass_number + passes, old, both, vx, vy, held, place, left, right, above, below, i, j, values,
+                1, pass_number + passes, old, both, vx, vy, pin_bits, place, left, right, above, below, i, j, values,
                 integers, counter, rows, columns,
             )  # fmt: skip
         if j >= column_first and j < column_end:
-            mine = bits_between(row_first, row_end, i)
-            write(new_position, new_velocity, zero, mine, both, old, place, vx, vy, i, j, columns)
+            owned_rows = bits_between(row_first, row_end, i)
+            write(new_position, new_velocity, zero, owned_rows, both, old, place, vx, vy, i, j, columns)
 
     bounds = (tile.threads, 1 if whole else blocks_together(real, tile))
     variant = variant_name(real, math, integrator, parts, tile.name, cut, whole)

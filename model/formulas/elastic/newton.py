@@ -23,14 +23,14 @@ KINDS = (
     "centres", "coarse rows", "solve", "product", "update", "restrict", "correct", "direction", "move", "finish",
 )  # fmt: skip
 (
-    BEGIN, LOOK, WEIGH, ACCEPT, RETURN, AHEAD, BLOCKS, ROWS, CENTRES, COARSE,
+    BEGIN, ENERGIES, WEIGH, ACCEPT, RETURN, AHEAD, BLOCKS, ROWS, CENTRES, COARSE,
     SOLVE, PRODUCT, UPDATE, RESTRICT, CORRECT, DIRECTION, MOVE, FINISH,
 ) = range(len(KINDS))  # fmt: skip
 BEHIND, BEFORE, SEARCH = range(
     3
 )  # states whose potential is evaluated: the substep's start, without elasticity, along a step
 DONE = ("solves", "looks", "matrices", "products", "steps")  # counters of a simulation
-SOLVES, LOOKS, MATRICES, PRODUCTS, STEPS = range(len(DONE))
+SOLVES, EVALUATIONS, MATRICES, PRODUCTS, STEPS = range(len(DONE))
 NEAR = 1e-4  # remaining residual, in the norm of the preconditioner, over the first one
 DOWNHILL = 1e-4  # of the descent that the slope predicts
 MOST_HALVINGS = 20  # to a millionth of a step
@@ -138,7 +138,7 @@ def make_control(real, compiled=plain):
         later = kind + 1
         if kind == BEGIN:
             phase, safe, steps = BEHIND, 0, 0
-        elif kind == LOOK:
+        elif kind == ENERGIES:
             trial, noise = first, second
         elif kind == WEIGH:
             trial, noise = trial + first, noise + second
@@ -159,9 +159,9 @@ def make_control(real, compiled=plain):
         elif kind == DIRECTION:
             later = PRODUCT
         elif kind == MOVE:
-            later, slope = LOOK, first
+            later, slope = ENERGIES, first
         elif kind == AHEAD:
-            later = LOOK
+            later = ENERGIES
         elif kind == FINISH:
             later = BEGIN
         counts = Counts(phase, safe, products, steps, halvings)

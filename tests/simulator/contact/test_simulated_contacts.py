@@ -63,7 +63,7 @@ def test_what_is_found_and_projected_is_the_references() -> None:
     np.testing.assert_allclose(boxes[:, 0], before[four].min(axis=0) - moved, atol=1e-14)
     np.testing.assert_allclose(boxes[:, 1], before[four].max(axis=0) + moved, atol=1e-14)
     counts = np.bincount(found.mass, minlength=len(before))
-    assert np.array_equal(contacts.found.copy_to_host(), counts)
+    assert np.array_equal(contacts.contact_counts.copy_to_host(), counts)
     assert contacts.lost == np.maximum(counts - MAX_CONTACTS, 0).sum() > 0
     expected = reference.project(part, found.nearest(MAX_CONTACTS), before, predicted, weights)
     assert np.abs(position[:, :3] - expected).max() < 1e-13  # some tens of roundings of lengths under 1 m

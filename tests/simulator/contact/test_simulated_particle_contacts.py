@@ -35,7 +35,7 @@ def quads(position: np.ndarray, weight: np.ndarray, real: Any) -> Any:
 
 
 def found_by(contacts: ParticleContacts, particles: int) -> list[list[int]]:
-    kept = np.minimum(contacts.neighbours.found.copy_to_host(), MAX_NEIGHBOURS)
+    kept = np.minimum(contacts.neighbours.neighbour_counts.copy_to_host(), MAX_NEIGHBOURS)
     table = contacts.neighbours.table.copy_to_host().reshape(MAX_NEIGHBOURS, particles)
     return [table[:n, i].tolist() for i, n in enumerate(kept)]
 
@@ -54,7 +54,7 @@ def test_neighbours_are_those_of_asking_all(extent: float, real: Any) -> None:
     for _ in range(2):
         contacts.find(quads(position, weight, real))
         expected = neighbours(scene, position, weight, real)
-        assert np.array_equal(contacts.neighbours.found.copy_to_host(), [len(others) for others in expected])
+        assert np.array_equal(contacts.neighbours.neighbour_counts.copy_to_host(), [len(others) for others in expected])
         assert found_by(contacts, particles) == [others[:MAX_NEIGHBOURS] for others in expected]
         lost += sum(max(0, len(others) - MAX_NEIGHBOURS) for others in expected)
         assert contacts.lost == lost
@@ -169,4 +169,4 @@ def test_bodies_of_one_brick_have_nobody_to_meet() -> None:
     scene = bodies_scene(brick=BRICK, contact={})
     with opened(scene, "gpu", kernel="launch") as simulation:
         simulation.advance(1)
-        assert not simulation.contacts.neighbours.found.copy_to_host().any()
+        assert not simulation.contacts.neighbours.neighbour_counts.copy_to_host().any()

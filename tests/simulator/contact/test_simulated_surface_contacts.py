@@ -17,7 +17,7 @@ def end_state(scene: Scene, backend: str, **options: Any) -> State:
     with open_simulation(scene, backend, initial=crumpled_state(scene), math="exact", **options) as simulation:
         simulation.advance(1)
         contacts = simulation.contacts  # type: ignore[attr-defined]
-        found = contacts.found if backend == "cpu" else contacts.found.copy_to_host()
+        found = contacts.contact_counts if backend == "cpu" else contacts.contact_counts.copy_to_host()
         assert np.count_nonzero(found) > 10 and contacts.lost == contacts.neighbours_lost == 0
         return simulation.state()
 
