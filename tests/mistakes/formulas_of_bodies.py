@@ -100,7 +100,7 @@ BODIES: tuple[Mistake, ...] = (
         "model/contact/particle_parameters.py",
         "test_particle_pairs.py",
         {
-            "a cell smaller than the search": ('"inverse_cell": 1 / float(rows[:, :, G_REACH].max())', '"inverse_cell": 2 / float(rows[:, :, G_REACH].max())'),
+            "a cell smaller than the search": ('"inverse_cell": 1 / float(rows[:, :, G_SEARCH_RADIUS].max())', '"inverse_cell": 2 / float(rows[:, :, G_SEARCH_RADIUS].max())'),
             "groups that avoid each other meet": ("collide = one.group not in other.avoids and", "collide = one.group not in other.avoids or"),
         },
     ),

@@ -158,7 +158,7 @@ GPU: tuple[Mistake, ...] = (
         SIMULATED_GRID,
         {
             "the second column has no left neighbour (gpu)": ("return zero, zero\n        here = load_pair(position, k)\n        left = load_pair(position, k - one if j > 0 else k)", "return zero, zero\n        here = load_pair(position, k)\n        left = load_pair(position, k - one if j > 1 else k)"),
-            "the kicks take each other's random force (gpu)": ("bx, by = own((bx, by), k, zero, parameters, integers, step)", "bx, by = own((bx, by), k, zero, parameters, integers, step - 1)"),
+            "the kicks take each other's random force (gpu)": ("bx, by = particle_force((bx, by), k, zero, parameters, integers, step)", "bx, by = particle_force((bx, by), k, zero, parameters, integers, step - 1)"),
             "axes are exchanged in a step (gpu)": ("py, vy = one_force(p.imag, v.imag, ay, dt, half_dt_squared)\n        return px, py, vx, vy", "py, vy = one_force(p.imag, v.imag, ay, dt, half_dt_squared)\n        return py, px, vx, vy"),
         },
     ),
