@@ -89,7 +89,7 @@ class Compiler:
         """Compile a parallel kernel (bands, ...) of one region, in which every member runs `function` (team, member,
         bands, ...).
 
-        See progress.shares. Arguments are numbers, arrays and tuples of them.
+        See progress.assigned. Arguments are numbers, arrays and tuples of them.
         """
         name, run, all_members = self._inside(function)
 

@@ -216,12 +216,12 @@ class Fluid(ParticlesSimulation):
 
     def _download(self) -> tuple[np.ndarray, np.ndarray]:
         axes, capacity, count = self.scene.dimensions, self._capacity, self.there
-        number, arrays = self._state.number[:count], []
+        number, by_number = self._state.number[:count], []
         for array, waiting in zip(self._state[:2], (PARKED, 0.0), strict=True):
             values = np.full((self._particles, axes), waiting, self.real)
             values[number] = array[: axes * capacity].reshape(axes, capacity)[:, :count].T
-            arrays.append(values)
-        return arrays[0], arrays[1]
+            by_number.append(values)
+        return by_number[0], arrays[1]
 
     def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
         axes, capacity, fluid_set = self.scene.dimensions, self._capacity, self.scene.fluid_set
