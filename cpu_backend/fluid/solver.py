@@ -221,7 +221,7 @@ class Fluid(ParticlesSimulation):
             values = np.full((self._particles, axes), waiting, self.real)
             values[number] = array[: axes * capacity].reshape(axes, capacity)[:, :count].T
             by_number.append(values)
-        return by_number[0], arrays[1]
+        return by_number[0], by_number[1]
 
     def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
         axes, capacity, fluid_set = self.scene.dimensions, self._capacity, self.scene.fluid_set
