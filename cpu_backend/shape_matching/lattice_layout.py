@@ -72,7 +72,7 @@ class Lattices:
         self.clusters = sum(one.copies * one.lattice.size for one in self.copies)
         self.values = np.zeros(VALUES * len(self.copies), real)
         self.rotation = np.zeros(QUATERNION * self.clusters, real)
-        self.turned = np.zeros_like(self.rotation)
+        self.view_rotation = np.zeros_like(self.rotation)
         self.frames = np.zeros(FRAME * self.clusters, real)
         band_scratch = -(-band_scratch // 16) * 16
         self.arrays = LatticeArrays(
