@@ -146,7 +146,7 @@ class Steering(Poking):
         if self._blocked():
             return False
         before = self._options
-        wanted = before | options
+        wanted = before | dict(options)
         if backend not in (None, self.backend):
             wanted |= {"kernel": None}  # each has its own
         self._options = {name: value for name, value in wanted.items() if value is not None or name != "kernel"}

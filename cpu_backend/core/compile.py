@@ -138,7 +138,7 @@ class Compiler:
         return name, function if known else self._compiled_once(function, BodyPipeline), _region()
 
     def _compiled_once(self, function: Callable, pipeline_class: Any = LinkedPipeline, inline: bool = False) -> Any:
-        options = {"forceinline": True} if inline else {}
+        options: dict[str, Any] = {"forceinline": True} if inline else {}
         content = content_digest(function, self.options, options, pipeline_class.__name__, _HOW)
         if content not in _shared:
             _shared[content] = numba.njit(**self.options, **self._inner, **options, pipeline_class=pipeline_class)(

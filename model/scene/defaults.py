@@ -18,8 +18,8 @@ def take_method_defaults(scene: SceneParts) -> None:
     usual, method = OF_A_FLUID if has_fluid else {}, scene.one("method")
     solver = SOLVERS.get(scene.content)
     if method is None:
-        stated = {} if solver is None else {"solver": solver}
-        scene.parts["method"], scene.kinds["method"] = Method(**stated, **usual), "method"
+        stated = Method() if solver is None else Method(solver=solver)
+        scene.parts["method"], scene.kinds["method"] = stated.model_copy(update=usual), "method"
     elif method.solver == solver:
         missing = {field: value for field, value in usual.items() if field not in method.model_fields_set}
         scene.parts[scene.name_of("method")] = method.model_copy(update=missing)

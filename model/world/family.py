@@ -90,7 +90,7 @@ def _strain(scene: Scene, position: np.ndarray, kind: str, arrays: Arrays) -> np
 
 def _fields(scene: Scene) -> tuple[Field, ...]:
     """Return the fields of a world: those of its surfaces, and the numbers of its members, added up."""
-    numbers = {}
+    numbers: dict[str, Field] = {}
     for family, member in _members(scene).values():
         numbers |= {field.name: field for field in family.fields(member) if field.rows == "one"}
     direct = {field.name: field for field in of_springs(scene)}

@@ -61,6 +61,7 @@ from softlab.bench.store.results import by_configuration, measures_of, timings
 from softlab.bench.store.schema import configuration_hash
 from softlab.model.base.errors import Diverged
 from softlab.model.core.simulation import PRECISIONS, Simulation
+from softlab.model.scene.scene import Scene
 
 COPIES = 3  # copies of the state to the host; their median is stored
 STAGE = "accuracy runs"  # stage of the samples in the store, different from the sweep's
@@ -123,7 +124,8 @@ def _reference_jobs(missing: Sequence[Case], folder: Path | None) -> list[Job]:
     """Return the jobs that store in `folder` what these cases are compared with (None: none can)."""
     if folder is None:
         return []
-    jobs, iterated = [], {}
+    jobs: list[Job] = []
+    iterated: dict[tuple[str, ...], dict[int, tuple[Scene, int]]] = {}
     for case in missing:
         scene, end = motion_of(case.scene), end_of(case.label)
         key = str(folder), case.label, cache.key(scene, end, 1.0, cache.TOLERANCE), source_hash("cpu")
