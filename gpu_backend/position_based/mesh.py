@@ -175,11 +175,11 @@ class MeshPositionBased(DrivenSimulation, SubstepSimulation):
         if self._slow is not None:
             self._slow[self._flat](velocity, self._rates, self.record)
 
-    def _touch(self, before: Any, position: Any, fresh: bool, time: tuple[Any, ...]) -> None:
+    def _touch(self, before: Any, position: Any, time: tuple[Any, ...]) -> None:
         """Launch the colliders before an iteration."""
         if self._touching is not None:
             self._touching.touch[self._flat](
-                before, position, self._pushes, np.int32(fresh), self.record, self.bodies, self.integers, *time
+                before, position, self._pushes, self.record, self.bodies, self.integers, *time
             )
 
     def _release(self, position: Any) -> None:
@@ -206,7 +206,7 @@ class MeshPositionBased(DrivenSimulation, SubstepSimulation):
     def iterate(self, iteration: int) -> None:
         """Launch an iteration (SubstepSimulation)."""
         before, now = self.substep_start, self.position[self._current]
-        self._touch(before, now, iteration == 0, self._substep_time)
+        self._touch(before, now, self._substep_time)
         for _, project in self._colours:
             project(before, now, iteration == 0)
         if self.contacts:
@@ -261,7 +261,7 @@ class MeshPositionBased(DrivenSimulation, SubstepSimulation):
 
         def touch(moment: Moment) -> None:
             time = self._counter, np.int64(0), np.int64(moment.substeps), np.int64(moment.substep)
-            self._touch(before, position, moment.fresh, time)
+            self._touch(before, position, time)
 
         contacts = self.contacts
         touching: dict[str, StageRun] = {}

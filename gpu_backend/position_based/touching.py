@@ -20,24 +20,23 @@ from softlab.gpu_backend.core.world import World
 def make_touching(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Compile `touch` and `release`.
 
-    `touch(before, position, pushes, fresh, record, bodies, integers, counter, place, substeps, substep)`: positions after
-    colliders; `pushes` (quads) [m]: their displacement by colliders so far, 0 if `fresh`. Colliders act on the position
+    `touch(before, position, pushes, record, bodies, integers, counter, place, substeps, substep)`: positions after
+    colliders; `pushes` (quads) [m]: their displacement by colliders so far. Colliders act on the position
     without it, so that they hold a mass by what all constraints did to it since the substep began. `release(position,
-    pushes)`: positions without that, for velocities and colliders of the substep's end.
+    pushes)`: positions without that, for velocities and colliders of the substep's end; `pushes` are 0 then.
     """
     motion = make_motion(real, math, parts - {"restitution"}, AXES)  # velocities are the end's
     rate_of, collide, clock, zero = motion.rate_of, motion.collide, make_clock(math, parts), real(0)
 
-    def touch(before, position, pushes, fresh, record, bodies, integers, counter, place, substeps, substep):
+    def touch(before, position, pushes, record, bodies, integers, counter, place, substeps, substep):
         world = World(record[0], bodies, integers)
         k = np.int32(cuda.grid(1))  # type: ignore[call-arg]
         if k < position.size // SIZE:
             _, number = clock(counter, place, substeps, substep)
             b, p = load_quad(before, k), load_quad(position, k)
             if b[3] != zero:
-                if not fresh:
-                    q = load_quad(pushes, k)
-                    p = p[0] - q[0], p[1] - q[1], p[2] - q[2], p[3]
+                q = load_quad(pushes, k)
+                p = p[0] - q[0], p[1] - q[1], p[2] - q[2], p[3]
                 vx, vy, vz = rate_of(p, b, world.parameters)
                 x, y, z, _, _, _ = collide(b, p, vx, vy, vz, world, number)
                 store_quad(position, k, x, y, z, p[3])
@@ -48,5 +47,6 @@ def make_touching(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespac
         if k < position.size // SIZE:
             p, q = load_quad(position, k), load_quad(pushes, k)
             store_quad(position, k, p[0] - q[0], p[1] - q[1], p[2] - q[2], p[3])
+            store_quad(pushes, k, zero, zero, zero, zero)
 
     return make_kernels((touch, release), f"touching_{variant_name(real, math, parts)}", **kernel_options(math))

@@ -116,7 +116,7 @@ def test_colliders_in_iterations_compile_likewise(real: Any, math: str) -> None:
     parts = frozenset({"gravity", "load", "pins", "plane", "sphere", "friction", "restitution", FRICTION_IN_PLACE})
     kernels = make_touching(real, math, parts)
     time = types.int64[::1], wide, wide, wide
-    arguments = reals, reals, reals, types.int32, record_of(real, "tetrahedra"), reals, types.uint64[::1], *time
+    arguments = reals, reals, reals, record_of(real, "tetrahedra"), reals, types.uint64[::1], *time
     for kernel, given in ((kernels.touch, arguments), (kernels.release, (reals, reals))):
         body = entry_of(kernel.py_func, given, math)
         assert ".local" not in body and "call" not in body
