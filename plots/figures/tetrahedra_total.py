@@ -30,7 +30,7 @@ def draw(results: Results) -> Drawing | str:
     moduli = sorted({bar.young for _, _, measured in chosen for bar in measured})
     if not moduli:
         return "no bars of tetrahedra were measured (softlab tetrahedra)"
-    figure, rows = new_grid(len(chosen), len(moduli), 1.0 + 1.5 * len(chosen))
+    figure, rows = new_grid(len(chosen), len(moduli), 1.0 + 1.2 * len(chosen))
     drawn: list[Bar] = []
     for axes, (backend, _, measured) in zip(rows, chosen, strict=True):
         for ax, young in zip(axes, moduli, strict=True):
