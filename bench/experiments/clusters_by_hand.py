@@ -31,7 +31,9 @@ def by_hand(clusters: Clusters, links: Sequence[LinkedCopies] = (), **tables: An
     return scene
 
 
-def clusters_of(position: Any, members: Sequence[Any] | np.ndarray, stiffness: Any = np.inf, mass: Any = None) -> Clusters:
+def clusters_of(
+    position: Any, members: Sequence[Any] | np.ndarray, stiffness: Any = np.inf, mass: Any = None
+) -> Clusters:
     """Return clusters at `position`; each of `members` lists the particles of a cluster."""
     position, sizes = np.asarray(position, dtype=np.float64), [len(one) for one in members]
     return Clusters(

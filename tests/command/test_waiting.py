@@ -24,7 +24,7 @@ def bars(monkeypatch: pytest.MonkeyPatch) -> list[Progress]:
     made: list[Progress] = []
 
     class Bar(Progress):
-        def __init__(self, *columns: Any):
+        def __init__(self, columns: Any):
             super().__init__(*columns, disable=True)
             made.append(self)
 

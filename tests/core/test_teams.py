@@ -234,7 +234,7 @@ def test_auto_goes_through_the_door(monkeypatch):
 
     def opened(scene, backend, options, threads):
         asked.append(threads)
-        return SimpleNamespace(scene=scene, threads=threads)
+        return SimpleNamespace(scene=scene, threads=threads, faults=dict)
 
     monkeypatch.setattr(driver, "_open", opened)
     monkeypatch.setattr(driver, "open_quickest", lambda open_with, most: open_with(most))

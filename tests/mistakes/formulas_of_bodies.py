@@ -37,8 +37,8 @@ BODIES: tuple[Mistake, ...] = (
             "friction is not pressed by adhesion": ("max(depth, zero) + pull", "max(depth, zero)"),
             "what began nearer parts at once": ("+ push)", "+ distance)"),
             "a bounce is added to the speed": (
-                "lack = restitution * came - ((bx * nx + by * ny) + bz * nz)",
-                "lack = restitution * came + ((bx * nx + by * ny) + bz * nz)",
+                "lack = restitution * came - ((b[0] * n[0] + b[1] * n[1]) + b[2] * n[2])",
+                "lack = restitution * came + ((b[0] * n[0] + b[1] * n[1]) + b[2] * n[2])",
             ),
         },
     ),

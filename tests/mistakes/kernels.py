@@ -99,7 +99,7 @@ CPU: tuple[Mistake, ...] = (
                 "def touch_capsule(body, begin, end, slow, a, p, v):\n        cx, cy, cz = point(body, end)",
                 "def touch_capsule(body, begin, end, slow, a, p, v):\n        cx, cy, cz = point(body, begin)",
             ),
-            "a collider's static coefficient is its dynamic one (cpu)": ("static, dynamic = zero, zero\n        if has_friction:\n            static, dynamic = body[B_STATIC], body[B_DYNAMIC]\n        ux", "static, dynamic = zero, zero\n        if has_friction:\n            static, dynamic = body[B_DYNAMIC], body[B_DYNAMIC]\n        ux"),
+            "a collider's static coefficient is its dynamic one (cpu)": ("static, dynamic = zero, zero\n        if has_friction:\n            static, dynamic = body[B_STATIC], body[B_DYNAMIC]\n        u =", "static, dynamic = zero, zero\n        if has_friction:\n            static, dynamic = body[B_DYNAMIC], body[B_DYNAMIC]\n        u ="),
             "a mass is pushed out to the surface, not to the thickness (cpu)": ("depth = thickness - distance", "depth = -distance"),
             "a plane pushes to its other side (cpu)": ("return push(body, slow, distance, (nx, ny, nz), p, v)\n\n    @compiled\n    def touch_sphere", "return push(body, slow, -distance, (nx, ny, nz), p, v)\n\n    @compiled\n    def touch_sphere"),
         },
@@ -184,8 +184,8 @@ GPU: tuple[Mistake, ...] = (
         "gpu_backend/contact/colliders.py",
         "simulator/test_simulated_colliders.py",
         {
-            "a capsule stays where it began (gpu)": ("surface = capsule(\n            px - x, py - y, pz - z,", "surface = capsule(\n            px - bodies[at + B_X], py - bodies[at + B_Y], pz - bodies[at + B_Z],"),
-            "a collider's static coefficient is its dynamic one (gpu)": ("static, dynamic = bodies[at + B_STATIC], bodies[at + B_DYNAMIC]\n        ux", "static, dynamic = bodies[at + B_DYNAMIC], bodies[at + B_DYNAMIC]\n        ux"),
+            "a capsule stays where it began (gpu)": ("surface = capsule(\n            p[0] - x, p[1] - y, p[2] - z,", "surface = capsule(\n            p[0] - bodies[at + B_X], p[1] - bodies[at + B_Y], p[2] - bodies[at + B_Z],"),
+            "a collider's static coefficient is its dynamic one (gpu)": ("static, dynamic = bodies[at + B_STATIC], bodies[at + B_DYNAMIC]\n        u =", "static, dynamic = bodies[at + B_DYNAMIC], bodies[at + B_DYNAMIC]\n        u ="),
         },
     ),
     *in_file(
