@@ -57,7 +57,7 @@ def make_give(real: Any, math: str, self_contact: bool, many: bool, scaled: bool
                         w = load_quad(touching, j)
                         by = pressed[s * particles + i]
                         lack, nx, ny, nz = lack_of(
-                            i, j, p, o, v, w, position, old, record, body, kind, kinds, travel, by
+                            i, j, (p, o, v), w, position, old, record, (body, kind, kinds), travel, by
                         )
                         if lack != zero:
                             fraction = split(v[3], one, w[3], one)
