@@ -106,7 +106,8 @@ class ShapeMatching(RowsSimulation):
         method = self.scene.method
         advance = make_matching_advance(self.real, self.options.math, method.region, self.plan.parts)
         advance(
-            self._bands, Steps(steps, step, method.substeps, method.iterations), self._grid, self._states, self._current,
-            self._scratch, self._band_size, self._place_after,
+            self._bands, Steps(steps, step, method.substeps, method.iterations),
+            self._grid._replace(parameters=self.parameters), self._states, self._current, self._scratch, self._band_size,
+            self._place_after,
         )  # fmt: skip
         self._current = int(self._place_after[0])

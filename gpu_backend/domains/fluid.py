@@ -66,7 +66,7 @@ class FluidWindow(Fluid):
             arrays.append(quads.reshape(-1, SIZE)[: len(number), :axes].T)
         return number, np.concatenate(arrays)
 
-    def pin(self, number: np.ndarray, values: np.ndarray) -> None:
+    def set_particles(self, number: np.ndarray, values: np.ndarray) -> None:
         """Replace all active particles by these."""
         now, axes, count = self._current, self.scene.dimensions, len(number)
         fluid = self.scene.fluid_set.fluid[number]
