@@ -113,7 +113,8 @@ def make_bodies_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNam
         collide_some(first, last, number, before, position, velocity, weights, world)
 
     return SimpleNamespace(
-        gravity=compiler.kernel(gravity), particle_forces={force.stage: stage_of(force.part) for force in particle_forces(parts)},
+        gravity=compiler.kernel(gravity),
+        particle_forces={force.stage: stage_of(force.part) for force in particle_forces(parts)},
         predict=compiler.kernel(predict), update=compiler.banded(update), collide=compiler.banded(collide),
     )  # fmt: skip
 

@@ -196,6 +196,10 @@ class NotifyingCache:
             _unwritable(error.strerror or error)
         except InputError as error:
             _unwritable(error)
+        except RuntimeError as error:  # LLVM's callback has not stored the code
+            if "no compiled object" not in str(error):
+                raise
+            raise KeyboardInterrupt from error  # Ctrl-C fell into the callback, where Python drops it
 
 
 def _save_seconds() -> None:

@@ -75,6 +75,20 @@ def test_a_full_disk_costs_time_and_is_told_once(kept, monkeypatch):
     assert not [file for file in kept.iterdir() if "tmp" in file.name], "a part file was left behind"
 
 
+def test_ctrl_c_in_the_compiler_s_callback_is_not_lost(kept):
+    """Python drops an exception in LLVM's callback, which then has not stored the code."""
+
+    class Interrupted:
+        def save_overload(self, sig, data):
+            raise RuntimeError(f"no compiled object yet for {data}")
+
+    class Cache(kernel_cache.NotifyingCache, Interrupted):
+        label = "interrupted"
+
+    with pytest.raises(KeyboardInterrupt):
+        Cache().save_overload((), "a library")
+
+
 def test_without_a_writable_folder(tmp_path, monkeypatch):
     (tmp_path / "file").write_text("")
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "file"))  # below a file nothing can be made, not even by root
