@@ -42,12 +42,12 @@ def recorded() -> Iterator[list[Launch]]:
     calls: list[Launch] = []
     run = CPUDispatcher.__call__
 
-    def note(kernel: Any, *arguments: Any) -> None:
+    def note(kernel: Any, arguments: tuple[Any, ...]) -> None:
         calls.append(Launch(kernel, arguments))
 
     def note_or_run(kernel: Any, *arguments: Any) -> Any:
         building = sys._getframe(1).f_code.co_name in BUILDING
-        return run(kernel, *arguments) if building else note(kernel, *arguments)
+        return run(kernel, *arguments) if building else note(kernel, arguments)
 
     with ExitStack() as stack:
         stack.enter_context(patch.object(CPUDispatcher, "__call__", note_or_run, create=True))
@@ -55,7 +55,7 @@ def recorded() -> Iterator[list[Launch]]:
             from numba.cuda.dispatcher import CUDADispatcher
 
             def launcher(kernel: Any, configuration: Any) -> Any:
-                return lambda *arguments: note(kernel, *arguments)
+                return lambda *arguments: note(kernel, arguments)
 
             stack.enter_context(patch.object(CUDADispatcher, "__getitem__", launcher))
         yield calls
