@@ -266,7 +266,9 @@ class Simulation(Stepping):
             `deformation` : (clusters, 3, 3), the matrix from rest offsets to goal offsets.
             `plastic` : (clusters, 3, 3), as in State.
             `pressure` : (particles,), Pa, of fluids.
-            `contacts_lost`, ... : numbers of the run, such as those that make it incomplete; `outputs` describes all.
+            `contacts_lost`, `neighbours_lost` : a number, what did not fit into lists, which makes a run incomplete.
+            `speed_limited`, `not_emitted` : a number of particles that the speed limit slowed; that had no room.
+            `matrices`, `newton_steps`, `matrix_products` : numbers per solve by Newton's method.
         into : array, optional
             Where to write: a host array, or on a GPU for position and normal anything with `__cuda_array_interface__`.
 

@@ -52,7 +52,7 @@ class Blind(Trial):
 
     def open(self, initial=None, **how) -> Simulation:
         tables = {name: table for name, table in self.scene.as_dict().items() if name != "sphere"}
-        return super().open(initial, scene=Scene(tables), **how)
+        return super().open(initial, **how | {"scene": Scene(tables)})
 
 
 @pytest.mark.parametrize("name", LAWS)

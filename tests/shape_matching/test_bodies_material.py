@@ -119,7 +119,7 @@ def test_bad_strains_are_refused(plastic: Any, word: str) -> None:
         simulation.load(bad)
     plain = bodies_scene(brick=BRICK)
     bad = replace(start(plain), plastic=np.eye(3)[None])
-    with opened(plain) as simulation, pytest.raises(InputError, match="no plastic bodies"):
+    with opened(plain) as simulation, pytest.raises(InputError, match="plastic: this scene has no such array"):
         simulation.load(bad)
 
 
