@@ -174,15 +174,15 @@ def resume(
 
     with ending_cleanly(summary):
         missing = [lacking(group) for group in groups]
-        if _take_same(store, summary, _joined(missing), command):
+        if _take_same(store, summary, [case for group in missing for case in group], command):
             missing = [lacking(group) for group in groups]
         summary.stored = sum(map(len, groups)) - sum(map(len, missing))
         named = {group_name(k, group): k for k, group in enumerate(groups) if missing[k]}
         worths = {name: sum(worth(case) for case in missing[k]) for name, k in named.items()}
         plan = {name: (worths[name], str(groups[k][0])) for name, k in named.items()}
         current_partition().planned(store, summary.machine, plan)
-        first = before(_joined(missing)) if is_alone() else ()
-        do_ahead([*first, *compilations(_joined(missing))], progress)
+        cases = [case for group in missing for case in group]
+        do_ahead([*(before(cases) if is_alone() else ()), *compilations(cases)], progress)
         with progress_bar(progress and bool(named)) as bar:
             task = bar.add_task(summary.name, total=sum(worths.values()) or 1)
             for name, k in named.items():
@@ -194,11 +194,6 @@ def resume(
         if summary.run:
             enter_keys(store, summary.run, summary.name)
     return summary
-
-
-def _joined(groups: Sequence[Sequence[One]]) -> list[One]:
-    """Return the cases of all groups."""
-    return [case for group in groups for case in group]
 
 
 def _take_same(store: Store, summary: Summary, cases: Sequence[Any], command: str) -> bool:

@@ -143,9 +143,9 @@ def make_project(
 ) -> Any:
     """Make project(team, member, bands, before, position, weights, arrays, travel, couples).
 
-    Each member of a team runs it (core/progress.py); `arrays`: ContactArrays.
-    `travel`, with `has_rigid`, is that of shape_matching/particles.py, for rigid bodies; `couples`, with `has_couples`,
-    that of shape_matching/couples.py, for friction that turns clusters.
+    Each member of a team runs it (core/progress.py); `arrays`: ContactArrays. `travel`, with `has_rigid`, is that of
+    shape_matching/particles.py, for rigid bodies; `couples`, with `has_couples`, that of shape_matching/couples.py, for
+    friction that turns clusters.
     """
     words = "_friction" * has_friction + "_adhesion" * has_adhesion + "_rigid" * has_rigid + "_couples" * has_couples
     compiler = Compiler(f"particles_project_{np.dtype(real).name}_{math}{words}", math)

@@ -80,8 +80,7 @@ def _make_triangle(compiler: Compiler, real: Any, formulas: SimpleNamespace, num
         """Insert the triangle among the nearest of a mass (its number, row and column), if they may touch.
 
         Sorted by distance, then by number. Returns `contact_count`, plus 1 if they may touch. `contacts`: (triangles,
-        corners,
-        values).
+        corners, values).
         """
         (k, i, j), (triangles, corners, values) = mass, contacts
         second, cell = triangle % two == 1, triangle // two

@@ -135,10 +135,9 @@ def make_find(real: Any, math: str, ratios: bool = False) -> Any:
     with neighbours.
 
     `states`: (before, predicted); `at_rest`: positions and bodies of vertices; `lists`: the result of their search;
-    `meshes`: ((offsets, triangles at vertices), (corners, owned features)); `written`: (triangles, corners, values, found,
-    lost, seen). `contact_counts` must be 0. `seen` (bands, triangles): the last vertex that a triangle was tested for,
-    as each of
-    its corners leads to it.
+    `meshes`: ((offsets, triangles at vertices), (corners, owned features)); `written`: (triangles, corners, values,
+    found, lost, seen). `contact_counts` must be 0. `seen` (bands, triangles): the last vertex that a triangle was
+    tested for, as each of its corners leads to it.
     """
     compiler = Compiler(f"surfaces{'_of_balls' * ratios}_{np.dtype(real).name}_{math}", math)
     slots = _make_slots(compiler, real)

@@ -101,8 +101,8 @@ def _make_update(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
     @compiled
     def update(part, shared, number, place, world, parameters, fluids, bodies, kinds):
-        """Derive velocities from positions and colliders, and write them into `predicted_velocity`,
-        which no other phase reads."""
+        """Derive velocities from positions and colliders, and write them into `predicted_velocity`, which no other
+        phase reads."""
         count, capacity, in_order = world.sizes.particles, world.sizes.room, world.in_order
         before, predicted_velocity, fluid, slices = (
             in_order.before,

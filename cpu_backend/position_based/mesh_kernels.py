@@ -272,9 +272,8 @@ def make_mesh_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
 def make_mesh_advance(real: Any, math: str, parts: frozenset[str], projections: tuple[Projection, ...]) -> Any:
     """Compile advance(bands, steps, position, velocity, before, sets, world, pushes): many steps in one call.
 
-    `steps`: a Steps; `world`: a World; `sets`: (corners, values, multipliers, starts) of each set of constraints,
-    in the order of
-    `projections`; `pushes`: of make_touching.
+    `steps`: a Steps; `world`: a World; `sets`: (corners, values, multipliers, starts) of each set of constraints, in
+    the order of `projections`; `pushes`: of make_touching.
     """
     compiler = Compiler(cloth_variant("mesh", real, math, parts), math)
     substep, rows = make_substep(compiler, real, parts), make_rows(compiler)

@@ -89,25 +89,25 @@ class ShapeMatching(RowsSimulation):
 
     def _fused(self) -> Executor:
         rows, region, layout = self.body.rows, self.scene.method.region, self._layout
-        bounds = np.array([rows * k // self._bands for k in range(self._bands + 1)], np.int64)
+        self._bounds = np.array([rows * k // self._bands for k in range(self._bands + 1)], np.int64)
         self._band_size, self._place_after = scratch_places(region).count * layout.stride, np.zeros(1, np.int64)
         self._scratch = aligned_zeros(self._bands * self._band_size, self.real)
         wide = np.zeros((TABLE, layout.stride), self.real)
         wide[:, : layout.columns] = self._tables[1]
         weights = np.zeros((rows, layout.stride), self.real)
         weights[:, : layout.columns] = self._weights
-        self._grid = Grid(
-            bounds, rows, layout.columns, layout.stride, self._tables[0], wide.reshape(-1), weights.reshape(-1),
-            self.parameters, self.integers,
-        )  # fmt: skip
+        self._wide_table, self._wide_weights = wide.reshape(-1), weights.reshape(-1)
         return Executor(self.plan, {}, self._advance)
 
     def _advance(self, step: int, steps: int) -> None:
-        method = self.scene.method
+        method, layout = self.scene.method, self._layout
+        grid = Grid(
+            self._bounds, layout.rows, layout.columns, layout.stride, self._tables[0], self._wide_table,
+            self._wide_weights, self.parameters, self.integers,
+        )  # fmt: skip
         advance = make_matching_advance(self.real, self.options.math, method.region, self.plan.parts)
         advance(
-            self._bands, Steps(steps, step, method.substeps, method.iterations),
-            self._grid._replace(parameters=self.parameters), self._states, self._current, self._scratch, self._band_size,
-            self._place_after,
+            self._bands, Steps(steps, step, method.substeps, method.iterations), grid, self._states, self._current,
+            self._scratch, self._band_size, self._place_after,
         )  # fmt: skip
         self._current = int(self._place_after[0])

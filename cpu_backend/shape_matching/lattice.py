@@ -86,9 +86,9 @@ def make_slice_up(compiler: Compiler, real: Any) -> Any:
 
 
 def make_turn(compiler: Compiler, real: Any) -> Any:
-    """Make turn(unit, position, count, arrays, new_rotation, frames, for_view,
-    band_scratch): it writes the rotations of a pencil's
-    clusters into `new_rotation`, and the sums of their goals into the work array, or, with `for_view`, their frames."""
+    """Make turn(unit, position, count, arrays, new_rotation, frames, for_view, band_scratch): it writes the rotations
+    of a pencil's clusters into `new_rotation`, and the sums of their goals into the work array, or, with `for_view`,
+    their frames."""
     turns, one = make_turns(compiler, real), real(1)
     turn_row, centre_row, show_row = turns.turn_row, turns.centre_row, turns.show_row
 
@@ -187,8 +187,8 @@ def make_move(compiler: Compiler, real: Any) -> Any:
 @cache
 def make_lattice_matching(real: Any, math: str) -> SimpleNamespace:
     """Make `match(team, member, bands, position, count, arrays, new_rotation, frames, for_view)` and `move(team,
-    member, bands,
-    position, count, arrays)`, run by each member of a team (core/progress.py), for all lattices of Lattices.arrays."""
+    member, bands, position, count, arrays)`, run by each member of a team (core/progress.py), for all lattices of
+    Lattices.arrays."""
     compiler = Compiler(f"lattice_{np.dtype(real).name}_{math}", math)
     slice_up, turn, move_slice = make_slice_up(compiler, real), make_turn(compiler, real), make_move(compiler, real)
 

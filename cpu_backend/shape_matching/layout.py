@@ -39,8 +39,8 @@ class Layout:
     """`slots` (particles,): place of each particle in a plane of `count`. `groups` (see loops.make_bodies_apart) and
     `work` (groups,), their cost in particles and entries.
 
-    `arrays`: without materials; `of_particle`: (starts, clusters, rest offsets);
-    `of_entry` and `of_particle_entry`: the entry whose factor is stored there, -1 for a ghost.
+    `arrays`: without materials; `of_particle`: (starts, clusters, rest offsets); `of_entry` and `of_particle_entry`:
+    the entry whose factor is stored there, -1 for a ghost.
     """
 
     slots: np.ndarray

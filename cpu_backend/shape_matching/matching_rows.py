@@ -108,9 +108,8 @@ def make_goal_rows(compiler: Compiler, real: Any, region: int) -> SimpleNamespac
     """Make `sum_goals` and `add_goals`.
 
     `sum_goals(columns, stride, cluster, table, rest, goals)`: the sums along a row of clusters. `add_goals(columns,
-    stride, goals, cluster, x, y, table, down, displacement_x,
-    displacement_y)`: add the displacements to the goals of a row of clusters
-    to those of the masses (x, y), which at rest are `down` [m] below its centres.
+    stride, goals, cluster, x, y, table, down, displacement_x, displacement_y)`: add the displacements to the goals of a
+    row of clusters to those of the masses (x, y), which at rest are `down` [m] below its centres.
     """
     compiled, row, clear = compiler.compiled, compiler.row, make_clear(compiler, real)
     formulas = shape_matching.make(real, compiler.inlined)

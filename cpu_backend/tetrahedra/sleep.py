@@ -15,9 +15,9 @@ from softlab.model.formulas.elastic import sleep
 
 @cache
 def make_sleep_stages(real: Any, math: str) -> SimpleNamespace:
-    """Compile `find_slow(bands, velocity, earlier, slow, speed, parameters)`, which marks slow vertices,
-    and `restore_resting(bands, before, position, velocity, earlier, slow, offsets, neighbours)`,
-    which resets positions and velocities.
+    """Compile `find_slow(bands, velocity, earlier, slow, speed, parameters)`, which marks slow vertices, and
+    `restore_resting(bands, before, position, velocity, earlier, slow, offsets, neighbours)`, which resets positions and
+    velocities.
 
     `slow` (particles,) int32; `earlier`: velocities at the end of the last substep, (particles, 3).
     """

@@ -22,8 +22,7 @@ def _table(particles: int) -> int:
 
 def neighbour_bytes(particles: int, has_self_contact: bool, item: int) -> int:
     """Return the device memory [bytes] for the neighbours of so many particles; `item`: bytes per scalar;
-    `has_self_contact`: also
-    within bodies."""
+    `has_self_contact`: also within bodies."""
     return particles * (SIZE * item * (1 + has_self_contact) + 4 * (MAX_NEIGHBOURS + 6)) + 8 * (_table(particles) + 1)
 
 

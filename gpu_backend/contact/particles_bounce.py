@@ -74,9 +74,8 @@ def make_bounce(real: Any, math: str, self_contact: bool, many: bool, has_rigid:
 
     `count`: for each particle with neighbours a quad of its velocity and of its weight times the pairs that must
     separate faster. `bounce`: velocities, in place. `old`: velocities at the start of the substep; `self_contact`,
-    `many`: as in
-    `make_pairs`. With `has_rigid` only `count`, whose last arguments are `travel` and `pressed`, as of `make_lack` and
-    contact/particles_project.py.
+    `many`: as in `make_pairs`. With `has_rigid` only `count`, whose last arguments are `travel` and `pressed`, as of
+    `make_lack` and contact/particles_project.py.
     """
     formulas = device_formulas(particle_contact.make, real, math)
     split, added, moved = formulas.split, formulas.added, formulas.moved

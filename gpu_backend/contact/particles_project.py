@@ -49,15 +49,13 @@ def make_project(
 ) -> SimpleNamespace:
     """Compile `count`, `project` and `clear`.
 
-    `count(position, neighbour_counts, neighbours, record, body, kind, kinds,
-    touching)`: for each particle with neighbours a quad
-    of its position and of its weight times its contacts. `project(before, position, neighbour_counts, neighbours,
-    record, body,
-    kind, kinds, touching, travel, pressed)`: particles, in place, and with rigid bodies, `has_rigid`, their travels
-    (shape_matching/rigid.py) and the contact impulses of neighbours, indexed as `neighbours`, which `clear(neighbour_counts,
-    pressed)` has zeroed; with friction that turns clusters, `has_couples`, its last argument is the particles'
-    `couples` (shape_matching/couples.py). `has_friction`, `has_adhesion`: code for those; `self_contact`, `many`: as in
-    `make_pairs`.
+    `count(position, neighbour_counts, neighbours, record, body, kind, kinds, touching)`: for each particle with
+    neighbours a quad of its position and of its weight times its contacts. `project(before, position, neighbour_counts,
+    neighbours, record, body, kind, kinds, touching, travel, pressed)`: particles, in place, and with rigid bodies,
+    `has_rigid`, their travels (shape_matching/rigid.py) and the contact impulses of neighbours, indexed as
+    `neighbours`, which `clear(neighbour_counts, pressed)` has zeroed; with friction that turns clusters, `has_couples`,
+    its last argument is the particles' `couples` (shape_matching/couples.py). `has_friction`, `has_adhesion`: code for
+    those; `self_contact`, `many`: as in `make_pairs`.
     """
     formulas = device_formulas(particle_contact.make, real, math)
     squared, within, split, enforced_distance = (

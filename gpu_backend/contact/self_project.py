@@ -19,9 +19,9 @@ from softlab.model.formulas import contact, surface_contact
 
 @cache
 def _make_corners(real: Any, math: str) -> SimpleNamespace:
-    """Make `slots_of(contact_counts, k)`, the range of the contacts of mass k, `offset(points, k, a, b, c, s, t)`,
-    the vector from a
-    triangle's point to it, and `corner_weight(weights, place)`, the weight of the corner place % 3 of contact place // 3."""
+    """Make `slots_of(contact_counts, k)`, the range of the contacts of mass k, `offset(points, k, a, b, c, s, t)`, the
+    vector from a triangle's point to it, and `corner_weight(weights, place)`, the weight of the corner place % 3 of
+    contact place // 3."""
     device, f = cuda.jit(device=True, **kernel_options(math)), device_formulas(contact.make, real, math)
     mixed, first_weight = f.mixed, f.first_weight
 

@@ -138,9 +138,8 @@ def make_find(real: Any, math: str, ratios: bool = False) -> SimpleNamespace:
 
     `take(before, vertices, points)`: quads of the vertices, each of weight 1; `clear(contact_counts, link_counts)`;
     `find_contacts(before, predicted, rest, body, vertices, table, numbers, offsets, at_vertex, corners_of, owned,
-    record, ratio, triangles, corners, normals, weights, contact_counts, link_counts, lost)`: `table`,
-    `numbers`: the neighbours
-    of each vertex.
+    record, ratio, triangles, corners, normals, weights, contact_counts, link_counts, lost)`: `table`, `numbers`: the
+    neighbours of each vertex.
     """
     add_contact, one_side = _make_add_contact(real, math, ratios), _make_slots(real, math).one_side
     one, many = real(1), np.int64(MAX_NEIGHBOURS)

@@ -28,9 +28,8 @@ PARTICLE_FORCE_PARTS = frozenset(
 @cache
 def make_forces(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Make device functions: `add(a, weight, f)` of model/core/own_forces.py, `add_gravity(..., parameters)` and
-    `add_particle_force(..., k, weight, parameters, integers, step)`, all own forces. The last two map (ax, ay, az,
-    ...) to (ax,
-    ay, az)."""
+    `add_particle_force(..., k, weight, parameters, integers, step)`, all own forces. The last two map (ax, ay, az, ...)
+    to (ax, ay, az)."""
     particle_force, inline, has_gravity = make_particle_force(real, math, 3, parts), inlined(math), "gravity" in parts
     add = make_add(inline, lambda make: device_formulas(make, real, math), 3, parts)
 

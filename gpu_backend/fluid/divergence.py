@@ -131,9 +131,9 @@ def make_solve(real: Any, math: str, parts: frozenset[str], repeats: frozenset[s
     """Compile `relax` and `push`.
 
     `relax(position, shifts, record, table, neighbour_counts, gradients, targets, factors, aheads, iterates, turn,
-    iterations)`:
-    the changes of multipliers, into the fourth numbers of positions. `push(position, shifts, record, table, neighbour_counts,
-    gradients, before, fluids, turn)`: shifts. `before`: quads whose fourth number is the particle's fluid.
+    iterations)`: the changes of multipliers, into the fourth numbers of positions. `push(position, shifts, record,
+    table, neighbour_counts, gradients, before, fluids, turn)`: shifts. `before`: quads whose fourth number is the
+    particle's fluid.
     """
     g, formulas = device_formulas(divergence.make, real, math), device_formulas(density.make, real, math)
     pressed, lead, led, moved = g.pressed, g.lead, g.led, formulas.moved

@@ -167,11 +167,9 @@ def make_settle(real: Any, math: str, parts: frozenset[str], repeats: frozenset[
     """Compile `settle`, `update` and `limit`.
 
     `settle(before, predicted_velocity, position, record, table, neighbour_counts, multipliers, constraints, gradients,
-    fluids, *world,
-    new_position, new_velocity)`: the last correction, then velocities, limited unless smoothing follows;
-    `update(before, predicted_velocity, position, record, multipliers, fluids, *world, new_position,
-    new_velocity)`: velocities only;
-    `limit(position, velocity, constraints, record, fluids)`.
+    fluids, *world, new_position, new_velocity)`: the last correction, then velocities, limited unless smoothing
+    follows; `update(before, predicted_velocity, position, record, multipliers, fluids, *world, new_position,
+    new_velocity)`: velocities only; `limit(position, velocity, constraints, record, fluids)`.
     """
     ends, move, row = make_ends(real, math, parts), make_move(real, math, parts, repeats), make_row(parts)
     answered, limited, clock = ends.answered, ends.limited, make_clock(math, parts)

@@ -32,8 +32,8 @@ def make_sampling(real: Any, math: str) -> SimpleNamespace:
     """Compile `sample`, `gather`, `follow` and `push`.
 
     `sample(number, fluids, corners, weights, began, solid, predicted, before, predicted_velocity)`; `gather(number,
-    fluids, slots)`;
-    `follow(slots, corners, weights, solid, position)`; `push(lightness, offsets, samples, weights, shift, solid)`.
+    fluids, slots)`; `follow(slots, corners, weights, solid, position)`; `push(lightness, offsets, samples, weights,
+    shift, solid)`.
     """
     formulas, inline = device_formulas(solids.make, real, math), inlined(math)
     middle, carried_on, moved = formulas.middle, formulas.carried_on, device_formulas(density.make, real, math).moved

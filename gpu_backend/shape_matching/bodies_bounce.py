@@ -22,8 +22,7 @@ from softlab.model.formulas.shape_matching import rebound
 @cache
 def make_give(real: Any, math: str, self_contact: bool, many: bool, scaled: bool) -> Any:
     """Compile give(position, old, velocity, neighbour_counts, neighbours, record, body, kind, kinds, touching, travel,
-    pressed,
-    scales, impulses).
+    pressed, scales, impulses).
 
     It writes the velocity changes by separating contacts into `impulses`; otherwise as `bounce` of
     contact/particles_bounce.py. `scaled`: impulses are multiplied by the smaller one of both particles' `scales`.
@@ -78,9 +77,8 @@ def make_give(real: Any, math: str, self_contact: bool, many: bool, scaled: bool
 
 @cache
 def make_bodies_bounce(real: Any, math: str) -> SimpleNamespace:
-    """Compile `spread(particle_starts, particle_clusters, limits, motions, scales)`, each particle's scale,
-    that of its body, 1 without one,
-    and `join(position, velocity, impulses, particle_starts, particle_clusters, limits, motions)`.
+    """Compile `spread(particle_starts, particle_clusters, limits, motions, scales)`, each particle's scale, that of its
+    body, 1 without one, and `join(position, velocity, impulses, particle_starts, particle_clusters, limits, motions)`.
 
     `join` adds to velocities the motions of the bodies, or the impulse `impulses` for a particle without a body.
     """

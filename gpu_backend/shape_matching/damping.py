@@ -111,12 +111,10 @@ def make_slow(real: Any, math: str) -> Any:
 def make_damping_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Compile the kernels that end a substep with damped clusters, before and after `gather`: `rate`, `slow`, `finish`.
 
-    `rate(before, position, velocity, particle_starts, particle_clusters, particle_members, frames,
-    parameters)`: the last iteration's
-    displacement to the goals, and velocities; `slow(position, velocity, particle_starts, particle_clusters, slowing,
-    motions)`;
-    and `finish(before, position, velocity, particle_starts, particle_clusters, slowing, motions, record, bodies, integers,
-    counter, place, substeps, substep)`, the same and colliders.
+    `rate(before, position, velocity, particle_starts, particle_clusters, particle_members, frames, parameters)`: the
+    last iteration's displacement to the goals, and velocities; `slow(position, velocity, particle_starts,
+    particle_clusters, slowing, motions)`; and `finish(before, position, velocity, particle_starts, particle_clusters,
+    slowing, motions, record, bodies, integers, counter, place, substeps, substep)`, the same and colliders.
     """
     points = make_motion(real, math, parts, AXES)
     rate_of, collide = points.rate_of, points.collide

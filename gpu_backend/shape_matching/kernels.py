@@ -52,9 +52,9 @@ def make_bodies_clusters(real: Any, math: str) -> SimpleNamespace:
     """Compile `sum_up`, `turn` and `move`.
 
     `sum_up(position, starts, firsts, indices, members, sums)`: the moments of all clusters, in blocks of THREADS;
-    `turn(position, firsts, leans, sums, rotation, new_rotation, frames)`: their rotations,
-    from `rotation` into `new_rotation`, and
-    their frames; `move(position, particle_starts, particle_clusters, particle_members, frames)`: particles, in place.
+    `turn(position, firsts, leans, sums, rotation, new_rotation, frames)`: their rotations, from `rotation` into
+    `new_rotation`, and their frames; `move(position, particle_starts, particle_clusters, particle_members, frames)`:
+    particles, in place.
     """
     formulas, turns = device_formulas(cluster.make, real, math), device_formulas(rotation.make, real, math)
     weighted, added, lane_sum = formulas.weighted, formulas.added, make_lane_sum(real, math)
@@ -125,9 +125,8 @@ def make_bodies_clusters(real: Any, math: str) -> SimpleNamespace:
 
 @cache
 def make_move(real: Any, math: str, stores_displacement: bool = False) -> Any:
-    """Make move_mass(p, k, particle_starts, particle_clusters, particle_members, frames) -> (x, y, z): particle k,
-    at p, moved towards
-    its goals; with `stores_displacement` only its displacement."""
+    """Make move_mass(p, k, particle_starts, particle_clusters, particle_members, frames) -> (x, y, z): particle k, at
+    p, moved towards its goals; with `stores_displacement` only its displacement."""
     formulas = device_formulas(cluster.make, real, math)
     goal, displacement_added, arrived = formulas.goal, formulas.displacement_added, formulas.arrived
     zero, one = real(0), np.int32(1)

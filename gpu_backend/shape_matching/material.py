@@ -18,9 +18,8 @@ from softlab.model.tables.method import Method
 
 
 class ClusterMaterial:
-    """Material of `clusters`,
-    for the scene's `parts`. `particle_order` (entries,): entries in the particles' order. `plastic`: the state's strains,
-    three quads per cluster, rows; `bent`: those of a look at the state."""
+    """Material of `clusters`, for the scene's `parts`. `particle_order` (entries,): entries in the particles' order.
+    `plastic`: the state's strains, three quads per cluster, rows; `bent`: those of a look at the state."""
 
     def __init__(
         self, clusters: Clusters, particle_order: np.ndarray, parts: frozenset[str], real: Any, math: str, stream: Any

@@ -34,11 +34,10 @@ def make_rebound(real: Any, math: str, has_contacts: bool = False) -> SimpleName
     """Compile `weigh`, `go` and `differ`.
 
     `weigh(position, impulses, starts, indices, members, leans, limits, motions)`: the resulting motions of clusters, in
-    blocks of THREADS, from the impulses on their particles, `impulses`; `go(position, velocity, impulses, particle_starts,
-    particle_clusters, limits, motions)`: particles; `differ(velocity,
-    impulses)`: `impulses` from velocities after and, in it,
-    before colliders. `limits` (clusters,): 0 of those that do not rebound as a whole. `has_contacts`: with the bound for
-    bodies in contact.
+    blocks of THREADS, from the impulses on their particles, `impulses`; `go(position, velocity, impulses,
+    particle_starts, particle_clusters, limits, motions)`: particles; `differ(velocity, impulses)`: `impulses` from
+    velocities after and, in it, before colliders. `limits` (clusters,): 0 of those that do not rebound as a whole.
+    `has_contacts`: with the bound for bodies in contact.
     """
     formulas, lane_sum = device_formulas(rebound.make, real, math), make_lane_sum(real, math)
     weighed, rigid, enlarged = formulas.weighed, formulas.rigid, formulas.enlarged
@@ -117,8 +116,7 @@ def make_rebound(real: Any, math: str, has_contacts: bool = False) -> SimpleName
 @cache
 def make_collide_rebound(real: Any, math: str, parts: frozenset[str]) -> Any:
     """Compile store_impulses(before, position, velocity, impulses, record, bodies, integers, counter, place, substeps,
-    substep):
-    colliders, with their impulses written into `impulses`."""
+    substep): colliders, with their impulses written into `impulses`."""
     collide, clock, zero = make_motion(real, math, parts, AXES).collide, make_clock(math, parts), real(0)
 
     def store_impulses(

@@ -73,15 +73,13 @@ def make_begin(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
 def make_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Compile `move`, `rate`, `update`, `update_calmed`, `rest` and `steady`.
 
-    `move(position, particle_starts, particle_clusters, particle_members, frames,
-    travel)`: particles towards their goals, in place;
-    `rate(before, position, velocity, particle_starts, particle_clusters, particle_members, frames, record,
-    travel)`: the same, and
-    velocities; `update(before, position, velocity, record, travel)`: only velocities, for rigid bodies from their
-    travels; `update_calmed(before, position, velocity, contact_record, record, travel)`: the same with speed limit and
-    sleeping; `rest(before, position, velocity, starts, indices, whole)`, in blocks of THREADS: stop each `whole`
-    cluster (clusters,) none of whose particles has moved; `steady(position, velocity, particle_starts, particle_clusters,
-    factors, motions)`: velocities from the bodies' motions.
+    `move(position, particle_starts, particle_clusters, particle_members, frames, travel)`: particles towards their
+    goals, in place; `rate(before, position, velocity, particle_starts, particle_clusters, particle_members, frames,
+    record, travel)`: the same, and velocities; `update(before, position, velocity, record, travel)`: only velocities,
+    for rigid bodies from their travels; `update_calmed(before, position, velocity, contact_record, record, travel)`:
+    the same with speed limit and sleeping; `rest(before, position, velocity, starts, indices, whole)`, in blocks of
+    THREADS: stop each `whole` cluster (clusters,) none of whose particles has moved; `steady(position, velocity,
+    particle_starts, particle_clusters, factors, motions)`: velocities from the bodies' motions.
     """
     keeping, near = device_formulas(rigid.make, real, math), device_formulas(particle_contact.make, real, math)
     settled, rate_over, carried = keeping.settled, keeping.rate_over, keeping.carried
@@ -185,8 +183,7 @@ def make_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
 
 class RigidMotion:
     """Motion of the rigid ones of `clusters`; `particle_order` (entries,): entries in the particles' order. `travel`:
-    quads of
-    particles."""
+    quads of particles."""
 
     def __init__(
         self, clusters: Clusters, particle_order: np.ndarray, particles: int, parts: frozenset[str], real: Any,

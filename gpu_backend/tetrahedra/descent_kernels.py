@@ -56,10 +56,9 @@ def make_visits(real: Any, math: str, material: int, damped: bool, parts: frozen
     `remember(before, corners, values, strains, count)`: strains of every tetrahedron of a material at the start of a
     substep; `start(before, velocity, inertial, position, order, falls, stop, record)`: for the vertices before `stop`
     of the order, also pinned ones; `descend(position, inertial, order, offsets, entries, corners, values, strains,
-    spring_offsets, sprung_entries, ends, numbers, before, holds, first, stop, count, record, bodies, integers,
-    counter, place,
-    substeps, substep)`: for a colour; `spring_offsets` to `numbers`: of springs; `holds` (particles,) [N/m]; both are read if
-    `parts` has them. `count`: tetrahedra of the material.
+    spring_offsets, sprung_entries, ends, numbers, before, holds, first, stop, count, record, bodies, integers, counter,
+    place, substeps, substep)`: for a colour; `spring_offsets` to `numbers`: of springs; `holds` (particles,) [N/m];
+    both are read if `parts` has them. `count`: tetrahedra of the material.
     """
     formulas = device_formulas(descent.make, real, math, material=material, damped=damped)
     element, initial_strain, added = formulas.element, formulas.initial_strain, formulas.added

@@ -18,9 +18,9 @@ from softlab.model.formulas.elastic import sleep
 
 @cache
 def make_sleep(real: Any, math: str) -> SimpleNamespace:
-    """Compile `find_slow(velocity, earlier, slow, speed, record)`, which marks slow vertices,
-    and `restore_resting(before, position, velocity, earlier, slow, offsets, neighbours)`,
-    which resets positions and velocities.
+    """Compile `find_slow(velocity, earlier, slow, speed, record)`, which marks slow vertices, and
+    `restore_resting(before, position, velocity, earlier, slow, offsets, neighbours)`, which resets positions and
+    velocities.
 
     `slow` (particles,) int32; `earlier`: velocities at the end of the last substep.
     """

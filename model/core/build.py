@@ -57,7 +57,7 @@ def starts(scene: Scene, position: np.ndarray) -> np.ndarray:
 
 def sheet_name(scene: Scene) -> str:
     """Return the name of the scene's sheet; `bodies` where it has bodies."""
-    return next(iter(scene.all_of(*SHEETS)), "bodies")
+    return scene.name_of(*SHEETS, default="bodies")
 
 
 Sheet = Grid | ParticleSet

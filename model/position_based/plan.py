@@ -135,8 +135,7 @@ def position_based_step(
     scene: Scene, parts: frozenset[str], search: Stages, iterated: Stages, after_iterations: Stages, ends: Stages
 ) -> Node:
     """Return a step: in each substep forces, predictions, `search`, iterations of the stages `iterated`,
-    `after_iterations`, velocities
-    from positions, `ends`."""
+    `after_iterations`, velocities from positions, `ends`."""
     method, axes = scene.method, scene.dimensions
     outside: list[Stage] = []
     if "gravity" in parts:
