@@ -104,7 +104,10 @@ def do_ahead(jobs: Iterable[Job], progress: bool, workers: int | None = None) ->
     place, workers = folder(), min(core_count(), MAX_WORKERS) if workers is None else workers
     if place is None or workers < 2 or gpu_simulated():
         return 0
-    known, kinds = _known(place), {job.kind: job for job in jobs}
+    known = _known(place)
+    kinds: dict[Kind, Job] = {}
+    for job in jobs:
+        kinds.setdefault(job.kind, job)
     missing = {job.key: job for job in kinds.values() if job.key not in known}
     if len(missing) < FEWEST:
         return 0
