@@ -31,6 +31,7 @@ COMPILED = {
     "test_tetrahedra_meshes.py": "test_a_swing*", "test_damping_load.py": "test_weight* test_a_run_notes_a_sag*",
     "test_newton.py": "*",  # statics take hundreds of steps
     "test_newton_order.py": "test_orders* test_a_swing* test_a_bar* test_any_number*",
+    "test_findings_costs.py": "test_a_wrong_answer*",  # repeats in `fast` math, whose bits are those of machine code
     "test_kernel_keys.py": "test_a_distance_field*",  # plain Python makes no calls of compiled functions to record
     "test_kernel_cache.py": "*", "test_rotation.py": "*",  # machine code itself, a hundred thousand matrices
     "test_tetrahedra_cpu.py": "test_b21*", "test_hard_tetrahedra.py": "test_the_laws*",  # seconds of motion

@@ -28,7 +28,8 @@ def test_iterations_lead_to_the_implicit_solution(row: Row, case: str, lab: Lab)
     exact = row.solver in ("newton", "vbd") or row.name == "cloth, implicit-euler"
     limit = limit_of("limit", row)
     assert residuals[-1] <= (limit.part if limit else 1e-3 if exact else 0.1) * first, (first, residuals)
-    assert limit or residuals[-1] <= residuals[0] * (1 + 1e-9), (first, residuals)
+    blur = 1e-6 * first  # of central differences, see `slope`: a cluster that turns as one is at its goal at once
+    assert limit or residuals[-1] <= residuals[0] + blur, (first, residuals)
 
 
 def residual(row: Row, lab: Lab, iterations: int | None) -> float:
