@@ -29,35 +29,29 @@ class SourceUnknown(LookupError):
 
 
 @cache
-def _functions_in(path: str) -> dict[str, list[tuple[int, int, Any]]]:
-    """Return name -> (first line, first line of the outermost function around it, node) of every function in a file."""
-    functions: dict[str, list[tuple[int, int, Any]]] = {}
-
-    def visit(node: ast.AST, outermost: int) -> None:
-        for child in ast.iter_child_nodes(node):
-            if isinstance(child, FUNCTIONS):
-                first = min([child.lineno, *(d.lineno for d in getattr(child, "decorator_list", ()))])
-                name = getattr(child, "name", "<lambda>")
-                functions.setdefault(name, []).append((first, outermost or first, child))
-                visit(child, outermost or first)
-            else:
-                visit(child, outermost)
-
-    visit(ast.parse(Path(path).read_text(encoding="utf-8")), 0)
+def _functions_in(path: str) -> dict[str, list[tuple[int, Any]]]:
+    """Return name -> (first line, node) of every function in a file."""
+    functions: dict[str, list[tuple[int, Any]]] = {}
+    for node in ast.walk(ast.parse(Path(path).read_text(encoding="utf-8"))):
+        if isinstance(node, FUNCTIONS):
+            first = min([node.lineno, *(d.lineno for d in getattr(node, "decorator_list", ()))])
+            functions.setdefault(getattr(node, "name", "<lambda>"), []).append((first, node))
     return functions
 
 
-def tree_of(code: types.CodeType) -> Any:
-    """Return the syntax tree of a function's code, a function definition or a lambda. Raises SourceUnknown.
+def tree_of(function: types.FunctionType) -> Any:
+    """Return the syntax tree of a function, a definition or a lambda; of a variant of a formula the copy that was compiled.
+    Raises SourceUnknown."""
+    if hasattr(function, "softlab_formula"):
+        from softlab.model.base.variant import specialised_tree  # which imports numpy: digests need none
 
-    Code that was compiled from a rewritten copy of a module-level function counts its lines from that function's first.
-    """
+        return specialised_tree(*function.softlab_formula)[0]
+    code = function.__code__
     try:
         known = _functions_in(code.co_filename).get(code.co_name, [])
     except (OSError, SyntaxError, UnicodeDecodeError) as error:
         raise SourceUnknown(f"{code.co_filename}: the source of {code.co_name} cannot be read: {error}") from None
-    here = [node for first, _, node in known if first == code.co_firstlineno]
-    here = here or [node for first, outer, node in known if first - outer + 1 == code.co_firstlineno]
+    here = [node for first, node in known if first == code.co_firstlineno]
     wanted = code.co_varnames[: code.co_argcount + code.co_kwonlyargcount]
     here = [node for node in here if tuple(parameters_of(node.args)[0]) == wanted]
     if len({ast.dump(node) for node in here}) != 1:
@@ -169,7 +163,7 @@ class KernelDigests:
                 return function.__globals__[name]
             return vars(__import__("builtins"))[name]
 
-        tree = tree_of(function.__code__)
+        tree = tree_of(function)
         seen = {name for name in _identifiers(tree)}
         added = [
             self.describe(function.__globals__[name])  # what a rewritten copy of the source calls besides

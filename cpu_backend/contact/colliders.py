@@ -40,8 +40,8 @@ PLANE, SPHERE, CAPSULE, BOX, MESH, FIELD = range(len(COLLIDER_KINDS))  # numbers
 def make_push(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
     """Make `point`, `response` and `push`. `point(body, time)`: position of a collider. `response(body, slow, v, n)`:
     velocity of a mass after contact. `push`: see the inner function."""
-    compiled, sums = compiler.compiled, cloth.make(real, compiler.compiled)
-    formulas, moved, pushed = colliders.make(real, compiled), sums.moved, sums.pushed
+    compiled, sums = compiler.compiled, compiler.formulas(cloth, real)
+    formulas, moved, pushed = compiler.formulas(colliders, real), sums.moved, sums.pushed
     respond, rebound, slid, zero = formulas.respond, formulas.rebound, formulas.slid, real(0)
     has_friction, bounces, in_place = "friction" in parts, "restitution" in parts, FRICTION_IN_PLACE in parts
 
@@ -86,7 +86,7 @@ def make_touches(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
     `body`: a row of model/contact/cloth_parameters.py, and what follows it; `begin`, `end`: times of the step [s];
     `slow`: of `make_instants`; a: position of the mass before the step; p, v: its position and velocity after it."""
     compiled = compiler.compiled
-    formulas, between = colliders.make(real, compiled), cloth.make(real, compiled).between
+    formulas, between = compiler.formulas(colliders, real), compiler.formulas(cloth, real).between
     plane, sphere, capsule, box = formulas.plane, formulas.sphere, formulas.capsule, formulas.box
     pushing, sphere_entry = make_push(compiler, real, parts), formulas.sphere_entry
     point, response, push = pushing.point, pushing.response, pushing.push
@@ -134,7 +134,7 @@ def make_touches(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
 
     def of_surface(topic: Any) -> Any:
         """Make the swept test in the collider's own frame (model/formulas/frame.py)."""
-        touch_at = topic.make(real, compiled, bounces, in_place).touch
+        touch_at = compiler.formulas(topic, real, bounces=bounces, in_place=in_place).touch
 
         @compiled
         def touch_surface(body, begin, end, slow, a, p, v):
@@ -162,8 +162,8 @@ def make_instants(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     """Make instants(step, parameters) -> (begin, end, slow): start and end of the step [s], and the settling speed
     [m/s]. Below the settling speed nothing bounces; it is 0 without restitution. Where friction acts on positions,
     `slow` is (that speed, the step [s])."""
-    instant = cloth.make(real, compiler.compiled).instant
-    settling_speed = colliders.make(real, compiler.compiled).settling_speed
+    instant = compiler.formulas(cloth, real).instant
+    settling_speed = compiler.formulas(colliders, real).settling_speed
     bounces, in_place, zero = "restitution" in parts, FRICTION_IN_PLACE in parts, real(0)
 
     @compiler.compiled

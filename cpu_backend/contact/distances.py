@@ -14,7 +14,7 @@ import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler, start_threads
 from softlab.cpu_backend.core.threads import core_count
-from softlab.model.formulas.lengths import make as make_lengths
+from softlab.model.formulas import lengths as formulas_of_lengths
 from softlab.model.formulas.triangle_tree import CORNERS, NODE, SKIP, TRIANGLE
 
 
@@ -37,7 +37,7 @@ def _kernel() -> Any:
     start_threads()
     compiler = Compiler("of a field", "exact")
     compiled = compiler.compiled
-    lengths = make_lengths(np.float64, compiled)
+    lengths = compiler.formulas(formulas_of_lengths, np.float64)
     dot, cross = lengths.dot, lengths.cross
 
     @compiled

@@ -32,11 +32,11 @@ def make_passes(compiler: Compiler, real: Any, scaled: bool, has_rigid: bool = F
     read, as in shape_matching/particles.py. Two particles of rigid bodies, which have slacks, then separate as those do
     (model/formulas/particle_contact.py, `parting`), even without restitution.
     """
-    formulas = particle_contact.make(real, compiler.compiled)
+    formulas = compiler.formulas(particle_contact, real)
     squared, touching, direction = formulas.squared, formulas.touching, formulas.direction
     lacking, split, added, moved = formulas.lacking, formulas.split, formulas.added, formulas.moved
     parting, impulse_of, impulse_added = formulas.parting, formulas.impulse, formulas.impulse_added
-    whole = rebound.make(real, compiler.compiled)
+    whole = compiler.formulas(rebound, real)
     factor_of, squared_impulse, wanted, zero = whole.shared, whole.squared, whole.wanted, real(0)
 
     @compiler.compiled

@@ -21,7 +21,7 @@ FAR = np.int32(2**31 - 1)
 
 def make_table(compiler: Compiler, real: Any) -> SimpleNamespace:
     """Make `cells_of`, `span`, `enter`, which map positions to cells of the table."""
-    scaled = particle_contact.make(real, compiler.compiled).scaled
+    scaled = compiler.formulas(particle_contact, real).scaled
     zero, farthest = real(0), real(FARTHEST)
 
     @compiler.row

@@ -58,7 +58,7 @@ def _lowest_bit(number: Any) -> int:
 
 def _make_search(compiler: Compiler, real: Any) -> Any:
     """Make search(band, first, last, ...): see the inner function."""
-    formulas, runs_around = particle_contact.make(real, compiler.compiled), make_runs(compiler)
+    formulas, runs_around = compiler.formulas(particle_contact, real), make_runs(compiler)
     squared, within = formulas.squared, formulas.within
     zero = real(0)
 

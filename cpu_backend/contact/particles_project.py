@@ -34,14 +34,14 @@ def _make_sweep(
     compiler: Compiler, real: Any, has_friction: bool, has_adhesion: bool, has_rigid: bool, has_couples: bool
 ) -> SimpleNamespace:
     """Make `count_contacts`, `push`, `put` (see the inner functions), for a `band` of the particles that have neighbours."""
-    formulas = particle_contact.make(real, compiler.compiled)
+    formulas = compiler.formulas(particle_contact, real)
     squared, within, split, enforced_distance, direction = (
         formulas.squared, formulas.within, formulas.split, formulas.enforced_distance, formulas.direction
     )  # fmt: skip
     depth_of, slip, grip = formulas.depth, formulas.slip, formulas.grip
     added, added_friction, moved = formulas.added, formulas.added_friction, formulas.moved
-    pressed_by, carried, zero = formulas.pressed, rigid.make(real, compiler.compiled).carried, real(0)
-    levers = couple.make(real, compiler.compiled)
+    pressed_by, carried, zero = formulas.pressed, compiler.formulas(rigid, real).carried, real(0)
+    levers = compiler.formulas(couple, real)
     levered, gathered = levers.levered, levers.gathered
 
     @compiler.compiled
@@ -206,10 +206,10 @@ def make_clear_stage(real: Any, math: str) -> Any:
 def make_settle(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     """Make settle(first, last, count, before, position, record, travel): it applies the speed limit and sleeping at the
     end of a substep."""
-    formulas = particle_contact.make(real, compiler.compiled)
+    formulas = compiler.formulas(particle_contact, real)
     far, shortened, rested = formulas.far, formulas.shortened, formulas.rested
     has_limit, has_sleeping, has_rigid = "speed-limit" in parts, "sleeping" in parts, "rigid-motion" in parts
-    carried, zero = rigid.make(real, compiler.compiled).carried, np.int64(0)
+    carried, zero = compiler.formulas(rigid, real).carried, np.int64(0)
 
     @compiler.row
     def settle_rows(n, record, x, y, z, to_x, to_y, to_z, over_x, over_y, over_z):

@@ -36,7 +36,7 @@ def make_follow(compiler: Compiler, real: Any) -> Any:
     Its row begins at `pin` of the flat array `body_rows` of model/contact/cloth_parameters.py, and must name a
     motion.
     """
-    formulas = motion.make(real, compiler.compiled)
+    formulas = compiler.formulas(motion, real)
     turn, placed = formulas.turn, formulas.placed
 
     @compiler.compiled
@@ -60,7 +60,7 @@ def make_drive(compiler: Compiler, real: Any) -> Any:
     (pins,), all pinned particles, `first` to before `last`. Their rows are the last of `bodies`; those without a motion
     are unchanged.
     """
-    follow, instant = make_follow(compiler, real), cloth.make(real, compiler.compiled).instant
+    follow, instant = make_follow(compiler, real), compiler.formulas(cloth, real).instant
 
     @compiler.compiled
     def drive(first, last, number, position, velocity, parameters, bodies, driven):

@@ -300,5 +300,5 @@ def _make_search(compiler: Compiler, real: Any, formulas: SimpleNamespace, numbe
 def make_find(real: Any, math: str) -> SimpleNamespace:
     """Compile `hash_cells` and `find_contacts`; the arrays are those of cpu_backend/contact/self_contact.py."""
     compiler = Compiler(f"{np.dtype(real).name}_{math}", math)
-    arguments = compiler, real, contact.make(real, compiler.compiled), contact.make_numbers(compiler.compiled)
+    arguments = compiler, real, compiler.formulas(contact, real), compiler.formulas(contact, None)
     return SimpleNamespace(hash_cells=_make_hash(*arguments), find_contacts=_make_search(*arguments))

@@ -23,11 +23,11 @@ LEVERS = FORCES + 6  # with friction of surfaces: extra displacements of two cor
 
 def _make_now(compiler: Compiler, real: Any) -> SimpleNamespace:
     """Make `shallower`, `rubbed`, `load`: corrections of contacts from the current triangles (surface_contact.py)."""
-    formulas = surface_contact.make(real, compiler.compiled)
+    formulas = compiler.formulas(surface_contact, real)
     checked, apart, over, through = formulas.checked, formulas.apart, formulas.over, formulas.through
     rub, load, split = formulas.rub, formulas.load, formulas.split
     none, by_triangle, nearest = surface_contact.NONE, surface_contact.BY_TRIANGLE, surface_contact.NEAREST
-    first_weight = contact.make(real, compiler.compiled).first_weight
+    first_weight = compiler.formulas(contact, real).first_weight
 
     @compiler.compiled
     def difference(points, a, b):
@@ -268,7 +268,7 @@ def make_project(real: Any, math: str, friction: bool, surfaces: bool = False) -
     words = ("friction" if friction else "smooth") + "_surfaces" * surfaces
     variant = f"{np.dtype(real).name}_{math}_{words}"
     compiler = Compiler(variant, math)
-    formulas, zero = contact.make(real, compiler.compiled), real(0)
+    formulas, zero = compiler.formulas(contact, real), real(0)
     (depth_of, push, rub), shifted = _make_contact(compiler, real, formulas, friction, surfaces), formulas.shifted
     (gather, load_of), levered = _make_gather(compiler, real, formulas), friction and surfaces
 

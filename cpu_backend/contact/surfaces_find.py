@@ -51,8 +51,8 @@ def _make_slots(compiler: Compiler, real: Any) -> SimpleNamespace:
 def _make_triangle(compiler: Compiler, real: Any, slots: SimpleNamespace, ratios: bool) -> Any:
     """Make add_contact(k, triangle, before, predicted, rest, body, surface, parameters, ratio, triangles, corners, values,
     contact_count): see the inner function."""
-    formulas = contact.make(real, compiler.compiled)
-    sides = surface_contact.make(real, compiler.compiled)
+    formulas = compiler.formulas(contact, real)
+    sides = compiler.formulas(surface_contact, real)
     outward, scaled_length = sides.outward, sides.scaled_length
     nearest, away, length, dot = formulas.nearest, formulas.away, formulas.length, formulas.dot
     enforced_distance, mixed = formulas.enforced_distance, formulas.mixed

@@ -15,7 +15,11 @@ from softlab.model.formulas.fluid import sweep
 def make_swept(compiler: Compiler, real: Any, pushing: SimpleNamespace) -> tuple[Any, Any]:
     """Make `touch_capsule` and `touch_box`, as in cpu_backend/contact/colliders.py; `pushing`: of `make_push`."""
     compiled, point, response, push = compiler.compiled, pushing.point, pushing.response, pushing.push
-    formulas, sums, sweeps = colliders.make(real, compiled), cloth.make(real, compiled), sweep.make(real, compiled)
+    formulas, sums, sweeps = (
+        compiler.formulas(colliders, real),
+        compiler.formulas(cloth, real),
+        compiler.formulas(sweep, real),
+    )
     capsule, box, between, pushed = formulas.capsule, formulas.box, sums.between, sums.pushed
     capsule_entry, box_face = sweeps.capsule_entry, sweeps.box_face
     zero, one = real(0), real(1)

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numba
@@ -20,6 +21,7 @@ from softlab.cpu_backend.core.progress import new_team
 from softlab.cpu_backend.core.region import BodyPipeline, LinkedPipeline, packed, region
 from softlab.model.base.digest import content_digest, file_name, source_digest
 from softlab.model.base.kernel_cache import NamedByContent, NotifyingCache, Place, attach_cache
+from softlab.model.base.variant import Formulas, Variant
 
 # Optimisations of `fast`. Not `reassoc`, which would cancel the (p' - p) of the hand-out's step; not `nnan` and `ninf`,
 # since a diverging state must stay visible.
@@ -64,6 +66,7 @@ class Compiler:
         }
         # They are only called from kernels: without wrappers for Python and C a variant compiles in 4/5 of the time.
         # They allocate nothing, so no reference counting is needed.
+        self._variants: dict[Any, Variant] = {}
         self._inner: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "_nrt": False}
 
     def compiled(self, function: Callable) -> Any:
@@ -72,6 +75,17 @@ class Compiler:
     def inlined(self, function: Callable) -> Any:
         """Compile as `compiled`, for functions with so many arguments that passing them costs more than a short row."""
         return self._compiled_once(function, inline=True)
+
+    def formulas(self, module: ModuleType, real: Any, inline: bool = False, **features: Any) -> Formulas:
+        """Return the formulas of a module in a variant."""
+        return self.variant_of(real, inline, **features).of(module)
+
+    def variant_of(self, real: Any, inline: bool = False, **features: Any) -> Variant:
+        """Return what compiles formulas in a precision, `compiled` or `inlined`; see model/base/variant.py."""
+        variant = real, inline, frozenset(features.items())
+        if variant not in self._variants:
+            self._variants[variant] = Variant(real, self.inlined if inline else self.compiled, features)
+        return self._variants[variant]
 
     def row(self, function: Callable) -> Any:
         """Compile a loop along rows. Its array arguments must not overlap, except for those that it only reads."""

@@ -9,7 +9,7 @@ import numpy as np
 from numba import prange
 
 from softlab.cpu_backend.core.compile import Compiler
-from softlab.model.formulas import cloth
+from softlab.model.formulas import cloth, lengths
 
 
 @cache
@@ -19,8 +19,7 @@ def make_normals(real: Any) -> Any:
     model/geometry/normals.py defines them. Always in `exact` math, so that drawing does not depend on the solver's.
     """
     compiler = Compiler(f"cloth_{np.dtype(real).name}", "exact")
-    formulas, zero = cloth.make(real, compiler.compiled), real(0)
-    cross, unit = formulas.cross, formulas.unit
+    cross, unit, zero = compiler.formulas(lengths, real).cross, compiler.formulas(cloth, real).unit, real(0)
 
     @compiler.compiled
     def cell(state, i, j, upper):

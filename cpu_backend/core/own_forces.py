@@ -9,13 +9,13 @@ import numpy as np
 from numba import prange
 
 from softlab.cpu_backend.core.compile import Compiler
-from softlab.model.core.own_forces import WINDOW, OwnForce, make_particle_forces, particle_forces
+from softlab.model.core.own_forces import WINDOW, OwnForce, accelerated, force_flags, particle_forces
 from softlab.model.core.plan import Moment, StageRun
 
 
 def make_particle_force(compiler: Compiler, real: Any, axes: int, parts: frozenset[str]) -> Any:
     """Make own(a, k, weight, parameters, integers, step) (model/core/own_forces.py)."""
-    return make_particle_forces(real, compiler.compiled, lambda make: make(real, compiler.compiled), axes, parts)
+    return compiler.variant_of(real, **force_flags(axes, parts))(accelerated(parts))
 
 
 def make_particle_force_row(compiler: Compiler, real: Any, axes: int, parts: frozenset[str]) -> Any:

@@ -13,8 +13,8 @@ from softlab.model.formulas import distance
 
 def make_point_stages(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
     """Make the stages without neighbours. Arrays are (axes, rows, columns), `weights` (rows, columns)."""
-    compiled, kernel = compiler.compiled, compiler.kernel
-    formulas = distance.make(real, compiled)
+    kernel = compiler.kernel
+    formulas = compiler.formulas(distance, real)
     kicked, damping_factor, predicted, rate, added = (
         formulas.kicked, formulas.damping_factor, formulas.predicted, formulas.rate, formulas.added
     )  # fmt: skip

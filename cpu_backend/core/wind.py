@@ -23,9 +23,9 @@ def make_air(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     """Make air_now(parameters, integers, step, offset): the air's velocity (x, y, z) [m/s], `offset` steps into the
     step."""
     compiled = compiler.compiled
-    formulas, gusty = wind.make(real, compiled), cloth.make(real, compiled).gusty
+    formulas, gusty = compiler.formulas(wind, real), compiler.formulas(cloth, real).gusty
     stage_time, gust_interval, gust = formulas.stage_time, formulas.gust_interval, formulas.gust
-    philox, stream = random.make_philox(compiled), np.uint64(wind.GUST_STREAM)
+    philox, stream = compiler.formulas(random, None).philox, np.uint64(wind.GUST_STREAM)
     has_gust = "gust" in parts
 
     @compiled
@@ -46,8 +46,8 @@ def make_air(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 def make_triangle(compiler: Compiler, real: Any) -> Any:
     """Make triangle(a, b, c, velocities of a, b and c, air, parameters): the wind acceleration [m/s^2] of each corner,
     three numbers each, one after the other."""
-    triangle_wind = wind.make(real, compiler.compiled).triangle_wind
-    mean = cloth.make(real, compiler.compiled).mean
+    triangle_wind = compiler.formulas(wind, real).triangle_wind
+    mean = compiler.formulas(cloth, real).mean
 
     @compiler.compiled
     def triangle(a, b, c, va, vb, vc, air, drag, lift):

@@ -12,7 +12,8 @@ from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.own_forces import make_particle_force
 from softlab.cpu_backend.fluid.quads import QUAD, QUADS
 from softlab.model.fluid.parameters import F_BUOYANCY, F_SPEED, FLUID_FIELDS
-from softlab.model.formulas.fluid import cells, motion
+from softlab.model.formulas.fluid import cells as formulas_of_cells
+from softlab.model.formulas.fluid import motion
 from softlab.model.tables.cloth import COLLIDER_KINDS
 
 AXES = 3
@@ -38,7 +39,7 @@ def make_predict(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     It predicts the positions of the particles `first` to before `last`, moves them out of the colliders of that
     substep, and writes the bounding box of the band. It returns how many particles the speed limit slowed.
     """
-    formulas = motion.make(real, compiler.compiled)
+    formulas = compiler.formulas(motion, real)
     accelerated, speed_of, slowed, drifted = formulas.accelerated, formulas.speed_of, formulas.slowed, formulas.drifted
     wrapped_offset, buoyant = formulas.wrapped_offset, formulas.buoyant
     axes = 2 if "flat" in parts else AXES
@@ -98,7 +99,7 @@ def make_predict(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
 def make_table(compiler: Compiler, real: Any) -> SimpleNamespace:
     """Make `span`, the table around the boxes of all bands, and `enter`, which computes the cells of particles."""
-    formulas, fits = cells.make(real, compiler.compiled), cells.make_fits(compiler.compiled)
+    formulas, fits = compiler.formulas(formulas_of_cells, real), compiler.formulas(formulas_of_cells, None).fits
     cells_along, halved, cell_of = formulas.cells_along, formulas.halved, formulas.cell_of
     zero, largest = real(0), real(LARGEST)
 

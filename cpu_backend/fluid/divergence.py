@@ -32,7 +32,7 @@ from softlab.model.tables.cloth import COLLIDER_KINDS
 def make_approach(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: Any) -> SimpleNamespace:
     """Make `approach(s, many, world, parameters, vector, total)` and `rest_of(i, capacity, wall, vector, total)`."""
     compiled, approaches = compiler.compiled, make_approaches(compiler, real, parts)
-    of_wall = divergence.make(real, compiled).approach_of_wall
+    of_wall = compiler.formulas(divergence, real).approach_of_wall
     most, has_walls, zero = MAX_NEIGHBOURS[2 if "flat" in parts else 3], "walls" in parts, real(0)
 
     @compiled
@@ -73,7 +73,7 @@ def make_solve(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: A
 
     `second` is true in the second solve.
     """
-    compiled, f, g = compiler.compiled, density.make(real, compiler.compiled), divergence.make(real, compiler.compiled)
+    compiled, f, g = compiler.compiled, compiler.formulas(density, real), compiler.formulas(divergence, real)
     constraint, along = f.constraint, make_approach(compiler, real, parts, sides_of)
     approach, rest_of = along.approach, along.rest_of
     compressed, foreseen, pressed, lead, led = g.compressed, g.foreseen, g.pressed, g.lead, g.led
@@ -167,7 +167,7 @@ def make_solve(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: A
 
 def make_push(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: Any) -> SimpleNamespace:
     """Make `push(part, parts, turn, world, parameters, fluids)`: the phase of an iteration after `relax`."""
-    compiled, f, scratch_of = compiler.compiled, density.make(real, compiler.compiled), make_scratch(compiler)
+    compiled, f, scratch_of = compiler.compiled, compiler.formulas(density, real), make_scratch(compiler)
     wall_added, moved, corrections = f.wall_added, f.moved, make_pairs(compiler, real, parts).corrections
     sums_of, numbers_of, vector_at = scratch_of.sums_of, scratch_of.numbers_of, scratch_of.vector_at
     most, has_walls = MAX_NEIGHBOURS[2 if "flat" in parts else 3], "walls" in parts
@@ -207,8 +207,8 @@ def make_push(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: An
 
 def make_take_up(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
     """Make `take_up` and `move`, the phases after a solve, one particle at a time."""
-    compiled, m = compiler.compiled, motion.make(real, compiler.compiled)
-    gained = divergence.make(real, compiled).gained
+    compiled, m = compiler.compiled, compiler.formulas(motion, real)
+    gained = compiler.formulas(divergence, real).gained
     speed_of, limited_change, slowed, drifted = m.speed_of, m.limited_change, m.slowed, m.drifted
     touch, row_of = make_collide_mass(compiler, real, parts), compiled(make_row_of(parts))
     settled = make_impact(compiler, real, parts).settled

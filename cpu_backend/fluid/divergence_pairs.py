@@ -27,9 +27,9 @@ def make_approaches(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any
     It adds to `total` what a vector (u, v, w) of each particle contributes to the constraints. The arguments are those
     of cpu_backend/fluid/pairs.py.
     """
-    f, wrap = density.make(real, compiler.compiled), make_wrap(compiler, real, parts)
+    f, wrap = compiler.formulas(density, real), make_wrap(compiler, real, parts)
     squared, apart, slope = f.squared, f.apart, f.slope
-    approach_added = divergence.make(real, compiler.compiled).approach_added
+    approach_added = compiler.formulas(divergence, real).approach_added
 
     @compiler.row
     def approaches(
@@ -52,7 +52,7 @@ def make_approaches(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any
 def make_gather(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     """Make gather(part, parts, world, parameters): it copies the state, wrapped into the periodic box, and writes the
     bounding box of the band."""
-    wrapped_offset, compiled = motion.make(real, compiler.compiled).wrapped_offset, compiler.compiled
+    wrapped_offset, compiled = compiler.formulas(motion, real).wrapped_offset, compiler.compiled
     repeats, largest = "repeats" in parts, real(LARGEST)
 
     @compiled
@@ -80,7 +80,7 @@ def make_gather(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
 def make_accelerate(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: Any) -> SimpleNamespace:
     """Make `accelerate`: it updates the velocities between the solves, one particle at a time."""
-    compiled, m = compiler.compiled, motion.make(real, compiler.compiled)
+    compiled, m = compiler.compiled, compiler.formulas(motion, real)
     accelerated, buoyant, braked, speed_of, slowed = m.accelerated, m.buoyant, m.braked, m.speed_of, m.slowed
     smooth_of = make_smoothing(compiler, real, parts).smooth
     most, axes = MAX_NEIGHBOURS[2 if "flat" in parts else 3], 2 if "flat" in parts else AXES

@@ -57,8 +57,8 @@ def make_flow(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNam
     thread: update the number of active particles of a table of so many `cells`. `there_of(world, flow)`: return the
     world with the active particles as its count.
     """
-    compiled, f = compiler.compiled, formulas_of_flow.make(real, compiler.compiled)
-    instant = cloth.make(real, compiled).instant
+    compiled, f = compiler.compiled, compiler.formulas(formulas_of_flow, real)
+    instant = compiler.formulas(cloth, real).instant
     passed, begun, emitted = f.passed, f.begun, f.emitted
     in_box, in_sphere, behind = f.in_box, f.in_sphere, f.behind
 

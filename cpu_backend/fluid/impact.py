@@ -44,9 +44,9 @@ def make_impact(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleN
     which is v if no collider was in its way. `settled(bodies, kinds, number, parameters, q (3), v (3), u (3),
     multiplier, weight)` returns the velocity (3) without the rebound from walls.
     """
-    compiled, m = compiler.compiled, motion.make(real, compiler.compiled)
+    compiled, m = compiler.compiled, compiler.formulas(motion, real)
     drifted, limited_change, speed_of = m.drifted, m.limited_change, m.speed_of
-    after_impact, is_limited = impact.make(real, compiled).after_impact, "held-back" in parts
+    after_impact, is_limited = compiler.formulas(impact, real).after_impact, "held-back" in parts
     touch = make_collide_mass(compiler, real, parts)
 
     @compiled
@@ -103,7 +103,7 @@ def _make_settled(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 def _make_one_wall(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     """Make one_wall(kind) -> settle(body, given, total, vx, vy, vz), which returns (total, velocity) after one more
     collider. `total` is the wall density of the colliders so far."""
-    compiled, f, g = compiler.compiled, density.make(real, compiler.compiled), impact.make(real, compiler.compiled)
+    compiled, f, g = compiler.compiled, compiler.formulas(density, real), compiler.formulas(impact, real)
     beyond, wall_near, wall_density, wall_slope = f.beyond, f.wall_near, f.wall_density, f.wall_slope
     joined_density, rate, wall_push = f.joined_density, f.rate, g.wall_push
     rebound, without, surface_velocity = g.rebound, g.without, g.surface_velocity

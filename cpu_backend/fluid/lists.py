@@ -28,7 +28,7 @@ TOGETHER = 12  # bits handled in one pass, even if fewer are left
 
 def make_wrap(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     """Make wrap(dx, dy, dz, sides): the shortest difference in a periodic box; `sides`: Sides of arrays.py."""
-    wrapped = density.make(real, compiler.compiled).wrapped
+    wrapped = compiler.formulas(density, real).wrapped
     repeats, flat = "repeats" in parts, "flat" in parts
 
     @compiler.compiled
@@ -43,7 +43,7 @@ def make_wrap(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
 
 def _make_picked(compiler: Compiler, real: Any, parts: frozenset[str], most: int) -> Any:
-    squared, wrap = density.make(real, compiler.compiled).squared, make_wrap(compiler, real, parts)
+    squared, wrap = compiler.formulas(density, real).squared, make_wrap(compiler, real, parts)
     has_solids = "solids" in parts
 
     @compiler.row
@@ -155,7 +155,7 @@ def make_find(compiler: Compiler, real: Any, parts: frozenset[str], most: int) -
     It builds the lists of the slices `first` to before `last` and returns the number of neighbours that did not fit.
     `cells`: counts along x, y, z. `most`: capacity of a list. `around`: Around of arrays.py.
     """
-    squared, zero, gather = density.make(real, compiler.compiled).squared, real(0), _make_gathered(compiler, real)
+    squared, zero, gather = compiler.formulas(density, real).squared, real(0), _make_gathered(compiler, real)
     picked, runs_around = _make_picked(compiler, real, parts, most), _make_runs_around(compiler, real, parts)
     gathered, filled_up = gather.gathered, gather.filled_up
 

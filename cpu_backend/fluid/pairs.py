@@ -18,7 +18,7 @@ from softlab.model.formulas.fluid import density
 
 def make_pairs(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
     """Make `densities`, `gradients`, `corrections`, which add to their sums; the sums are 0 at first."""
-    f, wrap = density.make(real, compiler.compiled), make_wrap(compiler, real, parts)
+    f, wrap = compiler.formulas(density, real), make_wrap(compiler, real, parts)
     squared, near, closeness, apart, slope = f.squared, f.near, f.closeness, f.apart, f.slope
     density_added = f.density_added
     gradient_added, squares_added, crowded, correction_added = (

@@ -57,7 +57,7 @@ def make_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNam
     fluids, delta, wx, wy, wz, px, py, pz, ax, ay, az, vx, vy, vz)`: turn the corrections a into positions, and set v to
     0.
     """
-    f, averaged, has_walls = density.make(real, compiler.compiled), "averaged" in parts, "walls" in parts
+    f, averaged, has_walls = compiler.formulas(density, real), "averaged" in parts, "walls" in parts
     constraint, change, change_alone, factor_of = f.constraint, f.change, f.change_alone, f.factor
     wall_added, moved = f.wall_added, f.moved
     row_of, zero = compiler.compiled(make_row_of(parts)), real(0)

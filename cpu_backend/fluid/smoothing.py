@@ -21,7 +21,7 @@ def make_smoothing(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simp
 
 
 def _make_difference(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    f, wrap = density.make(real, compiler.compiled), make_wrap(compiler, real, parts)
+    f, wrap = compiler.formulas(density, real), make_wrap(compiler, real, parts)
     squared, apart = f.squared, f.apart
 
     @compiler.compiled
@@ -40,7 +40,7 @@ def _make_difference(compiler: Compiler, real: Any, parts: frozenset[str]) -> An
 
 
 def _make_shapes(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    f, curl_added = density.make(real, compiler.compiled), motion.make(real, compiler.compiled).curl_added
+    f, curl_added = compiler.formulas(density, real), compiler.formulas(motion, real).curl_added
     slope, gradient_added, difference = f.slope, f.gradient_added, _make_difference(compiler, real, parts)
     has_tension, has_vorticity, has_solids = "surface-tension" in parts, "vorticity" in parts, "solids" in parts
     zero = real(0)
@@ -71,7 +71,7 @@ def _make_shapes(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
 
 def _make_smooth(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    f, m = density.make(real, compiler.compiled), motion.make(real, compiler.compiled)
+    f, m = compiler.formulas(density, real), compiler.formulas(motion, real)
     near, slope, speed_of, difference = f.near, f.slope, m.speed_of, _make_difference(compiler, real, parts)
     smoothing_weight, smooth_added, pull, pull_added = m.smoothing_weight, m.smooth_added, m.pull, m.pull_added
     tension_added, rise_added, smoothed, confined = m.tension_added, m.rise_added, m.smoothed, m.confined

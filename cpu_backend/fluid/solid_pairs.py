@@ -16,7 +16,7 @@ from softlab.model.formulas.fluid import density, solids
 
 def make_solid_pairs(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
     """Make `densities`, `gradients`, `corrections`, which add to their sums (0 at first), and `frictions`."""
-    f, m = density.make(real, compiler.compiled), solids.make(real, compiler.compiled)
+    f, m = compiler.formulas(density, real), compiler.formulas(solids, real)
     squared, near, closeness, apart, slope = f.squared, f.near, f.closeness, f.apart, f.slope
     gradient_added, squares_added, crowded, correction_added = (
         f.gradient_added,

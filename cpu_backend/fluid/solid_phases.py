@@ -29,9 +29,9 @@ SUMS = 5  # rows of LANES for each band
 
 def make_sampling(compiler: Compiler, real: Any) -> SimpleNamespace:
     """Make `sample`, `gather`, `follow`, `push`: phases that couple samples to solids, (part, parts, ...)."""
-    compiled, formulas = compiler.compiled, solids.make(real, compiler.compiled)
+    compiled, formulas = compiler.compiled, compiler.formulas(solids, real)
     middle, carried_on = formulas.middle, formulas.carried_on
-    moved = density.make(real, compiler.compiled).moved
+    moved = compiler.formulas(density, real).moved
     zero, largest = real(0), real(LARGEST)
 
     @compiled
@@ -220,7 +220,7 @@ def _make_constrain(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any
 
 
 def _make_correct(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    compiled, f, vector_at = compiler.compiled, density.make(real, compiler.compiled), make_scratch(compiler).vector_at
+    compiled, f, vector_at = compiler.compiled, compiler.formulas(density, real), make_scratch(compiler).vector_at
     wall_added, moved, most = f.wall_added, f.moved, MAX_NEIGHBOURS[AXES]
     pairs, touch = make_solid_pairs(compiler, real, parts), make_collide_mass(compiler, real, parts)
     corrections, frictions = pairs.corrections, pairs.frictions

@@ -23,7 +23,7 @@ from softlab.model.tables.cloth import COLLIDER_KINDS
 
 def make_velocities(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: Any) -> SimpleNamespace:
     """Make `update`, `shape`, `finish`, phases (part, parts, ..., place, world, ...); `place` are the positions."""
-    compiled, m = compiler.compiled, motion.make(real, compiler.compiled)
+    compiled, m = compiler.compiled, compiler.formulas(motion, real)
     speed_of, slowed, braked, around = m.speed_of, m.slowed, m.braked, make_smoothing(compiler, real, parts)
     shape_of, smooth_of = around.shapes, around.smooth
     most, has_drag = MAX_NEIGHBOURS[2 if "flat" in parts else 3], "drag" in parts
@@ -77,7 +77,7 @@ def make_velocities(compiler: Compiler, real: Any, parts: frozenset[str], sides_
 
 
 def _make_update(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
-    compiled, m = compiler.compiled, motion.make(real, compiler.compiled)
+    compiled, m = compiler.compiled, compiler.formulas(motion, real)
     velocity_of, limited_change, speed_of = m.velocity_of, m.limited_change, m.speed_of
     collide, scratch_of = make_collide_row(compiler, real, parts), make_scratch(compiler)
     sums_of, vector_at, row_of = scratch_of.sums_of, scratch_of.vector_at, compiled(make_row_of(parts))

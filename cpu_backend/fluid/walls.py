@@ -72,9 +72,9 @@ def make_aways(compiler: Compiler, real: Any, parts: frozenset[str]) -> dict[str
 
     Colliders made from a mesh return `max_distance` where the surface is farther.
     """
-    compiled, distances = compiler.compiled, colliders.make(real, compiler.compiled)
+    compiled, distances = compiler.compiled, compiler.formulas(colliders, real)
     plane, sphere, capsule, box = distances.plane, distances.sphere, distances.capsule, distances.box
-    surface, point = surfaces.make(real, compiled), make_push(compiler, real, parts).point
+    surface, point = compiler.formulas(surfaces, real), make_push(compiler, real, parts).point
 
     def of_surface(away_from: Any) -> Any:
         @compiled
@@ -117,7 +117,7 @@ def _make_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
     It adds one more collider, LANES particles at a time.
     """
-    formulas = density.make(real, compiler.compiled)
+    formulas = compiler.formulas(density, real)
     beyond, wall_near, wall_density = formulas.beyond, formulas.wall_near, formulas.wall_density
     wall_slope, joined_density, joined_gradient = formulas.wall_slope, formulas.joined_density, formulas.joined_gradient
 

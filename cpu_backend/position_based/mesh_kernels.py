@@ -50,7 +50,7 @@ def make_begin(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     corners of triangles).
     """
     compiled = compiler.compiled
-    formulas = distance.make(real, compiled)
+    formulas = compiler.formulas(distance, real)
     kicked, damping_factor, predicted, added = (
         formulas.kicked,
         formulas.damping_factor,
@@ -110,7 +110,7 @@ def make_begin(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 def make_end(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
     """Make `update(first, last, before, position, velocity, parameters)`, velocities of the substep, and
     `collide(first, last, substep, before, position, velocity, parameters, bodies, kinds)`, collisions."""
-    rate = distance.make(real, compiler.compiled).rate
+    rate = compiler.formulas(distance, real).rate
     touch = make_collide_mass(compiler, real, parts)
     zero = real(0)
 
@@ -148,7 +148,7 @@ def make_touching(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simpl
     it, so that they hold a mass by what all constraints did to it since the substep began. `release(first, last,
     position, pushes)`: positions without that, for velocities and colliders of the substep's end.
     """
-    rate = distance.make(real, compiler.compiled).rate
+    rate = compiler.formulas(distance, real).rate
     collide_mass = make_collide_mass(compiler, real, parts - {"restitution"})  # velocities are the end's
     zero = real(0)
 

@@ -22,7 +22,7 @@ from softlab.model.formulas.shape_matching.pace import MOTION
 
 def make_transfers(compiler: Compiler, real: Any) -> SimpleNamespace:
     """Make `spread` and `join`, which transfer between whole bodies and the particles `first` to before `last`."""
-    formulas = rebound.make(real, compiler.compiled)
+    formulas = compiler.formulas(rebound, real)
     joined, zero, one = formulas.joined, real(0), real(1)
     of_motions = make_motions(compiler, real)
     motion_of, velocity_at = of_motions.motion_of, of_motions.velocity_at
@@ -97,7 +97,7 @@ def make_bodies_bounce(real: Any, math: str) -> Any:
     apply_all, apply_scaled = (make_impulses(compiler, real, scaled) for scaled in (False, True))
     transfers = make_transfers(compiler, real)
     spread, join = transfers.spread, transfers.join
-    joined, zero, one = rebound.make(real, compiler.compiled).joined, real(0), real(1)
+    joined, zero, one = compiler.formulas(rebound, real).joined, real(0), real(1)
 
     @compiler.compiled
     def any_contacts(bands, scratch, pitch):

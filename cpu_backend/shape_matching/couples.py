@@ -24,8 +24,8 @@ def make_couples(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
     couples."""
     if "couples" not in parts:
         return _without(compiler)
-    formulas, masses = couple.make(real, compiler.compiled), pace.make(real, compiler.compiled)
-    sum_of, carried = make_lane_sum(compiler, real), rigid.make(real, compiler.compiled).carried
+    formulas, masses = compiler.formulas(couple, real), compiler.formulas(pace, real)
+    sum_of, carried = make_lane_sum(compiler, real), compiler.formulas(rigid, real).carried
     weighted, added, spin, cross_added, gone = (
         masses.weighted,
         masses.added,

@@ -20,7 +20,7 @@ from softlab.model.formulas.shape_matching.pace import MOMENTA, MOTION
 
 def make_lane_sum(compiler: Compiler, real: Any) -> Any:
     """Make sum_of(lanes, n): the sum of row n, of LANES numbers."""
-    total = cluster.make(real, compiler.compiled).total
+    total = compiler.formulas(cluster, real).total
 
     @compiler.compiled
     def sum_of(lanes, n):
@@ -43,7 +43,7 @@ def make_damping(compiler: Compiler, real: Any, damped: bool) -> SimpleNamespace
     """
     if not damped:
         return _undamped(compiler)
-    formulas, sum_of = pace.make(real, compiler.compiled), make_lane_sum(compiler, real)
+    formulas, sum_of = compiler.formulas(pace, real), make_lane_sum(compiler, real)
     weighted, added, cross_added = formulas.weighted, formulas.added, formulas.cross_added
     motion, slowed, motion_of = formulas.motion, formulas.slowed, make_motions(compiler, real).motion_of
     zero = real(0)

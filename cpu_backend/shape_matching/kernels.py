@@ -19,7 +19,7 @@ from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.shape_matching.motions import FRAME, make_frames
 from softlab.cpu_backend.shape_matching.shapes import ENTRIES, make_shapes
-from softlab.model.formulas import rotation
+from softlab.model.formulas import rotation as formulas_of_rotation
 from softlab.model.formulas.shape_matching import cluster, rigid
 from softlab.model.formulas.shape_matching.cluster import LANES, MOMENTS
 
@@ -37,7 +37,7 @@ SCRATCH = AT_MAPS + ENTRIES
 def make_moments(compiler: Compiler, real: Any) -> Any:
     """Make sum_up(c, place, position, count, arrays, scratch): the moments of cluster c, into column `place` of the
     scratch."""
-    formulas, zero = cluster.make(real, compiler.compiled), real(0)
+    formulas, zero = compiler.formulas(cluster, real), real(0)
     weighted, added, total = formulas.weighted, formulas.added, formulas.total
 
     def make_sum(gathers: bool) -> Any:
@@ -113,9 +113,12 @@ def make_turn(compiler: Compiler, real: Any, shaping: frozenset[str]) -> Any:
     It computes the rotations of at most LANES clusters from their moments in the scratch: from `rotation` into `new_rotation`
     and, with their centres, into `frames`.
     """
-    formulas, turns = cluster.make(real, compiler.compiled), rotation.make(real, compiler.inlined)
+    formulas, turns = compiler.formulas(cluster, real), compiler.formulas(formulas_of_rotation, real, inline=True)
     corrected, centre, near, matrix_of = formulas.corrected, formulas.centre, turns.rotation_3d_near, turns.matrix_of
-    far, shapes = rotation.make(real, compiler.compiled).rotation_3d_far, make_shapes(compiler, real, shaping, AXES)
+    far, shapes = (
+        compiler.formulas(formulas_of_rotation, real).rotation_3d_far,
+        make_shapes(compiler, real, shaping, AXES),
+    )
     prepare, finish, zero, one = shapes.prepare, shapes.finish, real(0), real(1)
     store_matrix = make_frames(compiler).store_matrix
 
@@ -206,9 +209,9 @@ def make_goals(compiler: Compiler, real: Any, has_rigid: bool) -> SimpleNamespac
     goals; `move(first, last, position, count, particle_clusters, frames, travel)` those of any clusters, which it
     gathers. `travel`: as in particles.py; its slacks are read if bodies are rigid, `has_rigid`.
     """
-    formulas = cluster.make(real, compiler.compiled)
+    formulas = compiler.formulas(cluster, real)
     goal, displacement_added, arrived = formulas.goal, formulas.displacement_added, formulas.arrived
-    settled, zero = rigid.make(real, compiler.compiled).settled, real(0)
+    settled, zero = compiler.formulas(rigid, real).settled, real(0)
     frame_of = make_frames(compiler).frame_of
 
     @compiler.row

@@ -147,7 +147,7 @@ def make_turn(compiler: Compiler, real: Any) -> Any:
 
 def make_move(compiler: Compiler, real: Any) -> Any:
     """Make move(unit, position, count, arrays, band_scratch): it moves the masses of a slice."""
-    moved = lattice.make(real, compiler.inlined).moved
+    moved = compiler.formulas(lattice, real, inline=True).moved
     sum_goals, scan = make_line_sums(compiler, real).sum_goals, make_goal_scan(compiler, real, 1)
 
     @compiler.row

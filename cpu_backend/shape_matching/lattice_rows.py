@@ -56,7 +56,7 @@ def make_line_sums(compiler: Compiler, real: Any) -> SimpleNamespace:
     """Make sums over windows along a row at x: `sum_line(n, region, x, plane, weights, centre, line, pitch)`, of masses,
     and `sum_goals(n, region, rest, count, x, plane, centre, line, pitch, displacements)`, of displacements to goals."""
     compiled, row, clear = compiler.compiled, compiler.row, make_rows(compiler, real).clear
-    formulas = lattice.make(real, compiler.inlined)
+    formulas = compiler.formulas(lattice, real, inline=True)
     lever, part_of, added_turn, added_goal = formulas.lever, formulas.part_of, formulas.added_turn, formulas.added_goal
 
     @row
@@ -108,7 +108,7 @@ def make_moments(compiler: Compiler, real: Any, turns: int) -> SimpleNamespace:
     relative to its own mass. Both have differences, turns along the `turns` axes that are done, and those along the
     scan's own."""
     compiled, row, rows_before = compiler.compiled, compiler.row, 3 * (turns + 1)
-    formulas = lattice.make(real, compiler.inlined)
+    formulas = compiler.formulas(lattice, real, inline=True)
     part_of_row, added_turn, shifted = formulas.part_of_row, formulas.added_turn, formulas.shifted
     add_to = make_rows(compiler, real).add_to
 
@@ -162,7 +162,7 @@ def make_goals(compiler: Compiler, real: Any, rest: int) -> SimpleNamespace:
     still to come, in the order displacements, others, own ones.
     """
     compiled, row, rows_before = compiler.compiled, compiler.row, 3 * (rest + 1)
-    formulas = lattice.make(real, compiler.inlined)
+    formulas = compiler.formulas(lattice, real, inline=True)
     added_goal, ended, add_to = formulas.added_goal, formulas.ended, make_rows(compiler, real).add_to
 
     @row

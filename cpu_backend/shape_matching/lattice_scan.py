@@ -90,7 +90,7 @@ def make_scan(compiler: Compiler, real: Any, planes: int, keeps_all: bool, term:
 
 def make_moment_scan(compiler: Compiler, real: Any, turns: int, then: Any) -> Any:
     """Make the scan of moments, after `turns` axes. For each window it calls then(n, i, window, values.more)."""
-    lever, moments = lattice.make(real, compiler.inlined).lever, make_moments(compiler, real, turns)
+    lever, moments = compiler.formulas(lattice, real, inline=True).lever, make_moments(compiler, real, turns)
     end_row = moments.end
 
     @compiler.inlined
@@ -108,7 +108,7 @@ def make_moment_scan(compiler: Compiler, real: Any, turns: int, then: Any) -> An
 
 def make_goal_scan(compiler: Compiler, real: Any, rest: int) -> Any:
     """Make the scan of displacements to goals, before `rest` more axes."""
-    lever, goals = lattice.make(real, compiler.inlined).lever, make_goals(compiler, real, rest)
+    lever, goals = compiler.formulas(lattice, real, inline=True).lever, make_goals(compiler, real, rest)
     end_goals = goals.end_goals
 
     @compiler.inlined

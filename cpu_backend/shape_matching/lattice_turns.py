@@ -12,16 +12,19 @@ from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.shape_matching.lattice_layout import QUATERNION
 from softlab.cpu_backend.shape_matching.lattice_rows import make_rows
 from softlab.cpu_backend.shape_matching.motions import FRAME, make_frames
-from softlab.model.formulas import rotation
+from softlab.model.formulas import rotation as formulas_of_rotation
 from softlab.model.formulas.shape_matching import lattice
 
 
 def make_rotation_rows(compiler: Compiler, real: Any) -> SimpleNamespace:
     """Make `near_row`, `far_of`, `matrix_row`: rotations from the moments of windows, and their matrices as the columns
     that turn rest offsets. `t`: the lattice's turn at the start, by rows; moments and matrices by columns."""
-    entry, turns = lattice.make(real, compiler.inlined).entry, rotation.make(real, compiler.inlined)
+    entry, turns = (
+        compiler.formulas(lattice, real, inline=True).entry,
+        compiler.formulas(formulas_of_rotation, real, inline=True),
+    )
     near, matrix_of = turns.rotation_3d_near, turns.matrix_of
-    far = rotation.make(real, compiler.compiled).rotation_3d_far
+    far = compiler.formulas(formulas_of_rotation, real).rotation_3d_far
     zero, one = real(0), real(1)
 
     @compiler.inlined
@@ -65,8 +68,11 @@ def make_turns(compiler: Compiler, real: Any) -> SimpleNamespace:
     sums, and `show_row(n, clusters, plane, position, window, new_rotation, frames)`, frames of a row of windows."""
     rotations, copy, zero = make_rotation_rows(compiler, real), make_rows(compiler, real).copy, real(0)
     near_row, far_of, matrix_row = rotations.near_row, rotations.far_of, rotations.matrix_row
-    inlined, store_matrix = compiler.inlined, make_frames(compiler).store_matrix
-    centre, matrix_of = lattice.make(real, inlined).centre, rotation.make(real, inlined).matrix_of
+    store_matrix = make_frames(compiler).store_matrix
+    centre, matrix_of = (
+        compiler.formulas(lattice, real, inline=True).centre,
+        compiler.formulas(formulas_of_rotation, real, inline=True).matrix_of,
+    )
 
     @compiler.compiled
     def turn_row(n, t, window, rotation, new_rotation, clusters, reached):

@@ -68,11 +68,11 @@ def make_bodies_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNam
     functions = make_particles(compiler, real, parts)
     rate_some, collide_some = functions.rate, functions.collide
 
-    formulas = distance.make(real, compiler.compiled)
+    formulas = compiler.formulas(distance, real)
     kicked, damping_factor, predicted = formulas.kicked, formulas.damping_factor, formulas.predicted
     no_step = np.int64(0)
     has_damping, has_spare, zero, one = "damping" in parts, "spare" in parts, real(0), real(1)
-    travelled, has_rigid = rigid.make(real, compiler.compiled).travelled, "rigid-motion" in parts
+    travelled, has_rigid = compiler.formulas(rigid, real).travelled, "rigid-motion" in parts
 
     def gravity(count, record, a):
         gravity = record[0].gravity

@@ -136,7 +136,7 @@ def make_arrive(compiler: Compiler, real: Any, region: int, parts: frozenset[str
     """Make arrive: see the inner function."""
     motion, add_goals = make_motion_rows(compiler, real, parts), make_goal_rows(compiler, real, region).add_goals
     move, rate, clear = motion.move, motion.rate, make_clear(compiler, real)
-    rest_offset = shape_matching.make(real, compiler.compiled).rest_offset
+    rest_offset = compiler.formulas(shape_matching, real).rest_offset
     window, places = _make_window(compiler, region), scratch_places(region)
     ring, at_clusters, at_displacements = places.ring, places.clusters, places.displacements
 

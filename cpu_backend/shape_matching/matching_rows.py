@@ -47,7 +47,7 @@ def make_cluster_rows(compiler: Compiler, real: Any, region: int) -> SimpleNames
     here_x, here_y, inverse, table, cluster)`: the clusters.
     """
     compiled, row, clear = compiler.compiled, compiler.row, make_clear(compiler, real)
-    formulas = shape_matching.make(real, compiler.inlined)
+    formulas = compiler.formulas(shape_matching, real, inline=True)
     added_member, added_row, cluster = formulas.added_member, formulas.added_row, formulas.cluster
 
     @row
@@ -112,7 +112,7 @@ def make_goal_rows(compiler: Compiler, real: Any, region: int) -> SimpleNamespac
     row of clusters to those of the masses (x, y), which at rest are `down` [m] below its centres.
     """
     compiled, row, clear = compiler.compiled, compiler.row, make_clear(compiler, real)
-    formulas = shape_matching.make(real, compiler.inlined)
+    formulas = compiler.formulas(shape_matching, real, inline=True)
     rest_offset, added_goal, added_goal_row = formulas.rest_offset, formulas.added_goal, formulas.added_goal_row
 
     @row
@@ -162,7 +162,7 @@ def make_goal_rows(compiler: Compiler, real: Any, region: int) -> SimpleNamespac
 def make_motion_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
     """Make the operations on one row, along one axis each, except for `accelerate`, which fills the rows of both."""
     compiled, row = compiler.compiled, compiler.row
-    points, moved = distance.make(real, compiled), shape_matching.make(real, compiled).moved
+    points, moved = compiler.formulas(distance, real), compiler.formulas(shape_matching, real).moved
     kicked, predicted, rate_of = points.kicked, points.predicted, points.rate
     add_particle_force, has_particle_forces = (
         make_particle_force_row(compiler, real, 2, parts),

@@ -26,7 +26,7 @@ def make_matching_stages(real: Any, math: str, region: int) -> SimpleNamespace:
     """
     compiler = Compiler(f"matching_{np.dtype(real).name}_{math}_{region}_", math)
     compiled = compiler.compiled
-    formulas = shape_matching.make(real, compiled)
+    formulas = compiler.formulas(shape_matching, real)
     added_member, added_row, cluster = formulas.added_member, formulas.added_row, formulas.cluster
     rest_offset, added_goal, added_goal_row = formulas.rest_offset, formulas.added_goal, formulas.added_goal_row
     moved, zero, one = formulas.moved, real(0), np.int64(1)

@@ -48,7 +48,7 @@ class Frame(NamedTuple):
 def make_motions(compiler: Compiler, real: Any) -> SimpleNamespace:
     """Make `motion_of(motions, c)`, the Motion of cluster c, and `velocity_at(motion, x, y, z)`, the velocity of a
     particle there that moves with its cluster."""
-    rigid = rebound.make(real, compiler.compiled).rigid
+    rigid = compiler.formulas(rebound, real).rigid
 
     @compiler.compiled
     def motion_of(motions, c):

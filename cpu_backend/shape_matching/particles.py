@@ -26,7 +26,7 @@ def make_particles(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simp
     `begin_rigid`: predictions of a rigid body that only matching moves, and their velocities. `store_impulses`: as `collide`,
     and writes the velocity changes into three planes `impulses`.
     """
-    formulas = distance.make(real, compiler.compiled)
+    formulas = compiler.formulas(distance, real)
     kicked, damping_factor, predicted, rate_of = (
         formulas.kicked,
         formulas.damping_factor,
@@ -38,7 +38,7 @@ def make_particles(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simp
     particle_force = make_particle_force(compiler, real, AXES, parts | {"load"})  # each particle has its own weight
     has_gravity, has_damping, no_step = "gravity" in parts, "damping" in parts, np.int64(0)
     has_spare, has_rigid, zero, one = "spare" in parts, "rigid-motion" in parts, real(0), real(1)
-    keeping, there = rigid.make(real, compiler.compiled), np.int64(has_rigid)  # 0: an array passed instead of travels
+    keeping, there = compiler.formulas(rigid, real), np.int64(has_rigid)  # 0: an array passed instead of travels
     travelled, rate_over = keeping.travelled, keeping.rate_over
 
     def make_predict(rates: bool) -> Any:

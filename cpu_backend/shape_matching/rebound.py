@@ -28,7 +28,7 @@ def make_response(compiler: Compiler, real: Any, has_contacts: bool = False) -> 
     `has_contacts`: for bodies in contact the first three numbers are replaced by the components of a pair's factor
     (rebound.py, `shared`).
     """
-    formulas, sum_of = rebound.make(real, compiler.compiled), make_lane_sum(compiler, real)
+    formulas, sum_of = compiler.formulas(rebound, real), make_lane_sum(compiler, real)
     weighed, enlarged, scaled = formulas.weighed, formulas.enlarged, formulas.scaled
     of_motions = make_motions(compiler, real)
     motion_of, velocity_at = of_motions.motion_of, of_motions.velocity_at
@@ -133,7 +133,7 @@ def make_rebound(compiler: Compiler, real: Any, rebounds: bool) -> SimpleNamespa
     """
     if not rebounds:
         return _without(compiler)
-    formulas, functions = rebound.make(real, compiler.compiled), make_response(compiler, real)
+    formulas, functions = compiler.formulas(rebound, real), make_response(compiler, real)
     rebounded, touched, respond_as_one = formulas.rebounded, functions.touched, functions.response
     of_motions, zero = make_motions(compiler, real), real(0)
     motion_of, velocity_at = of_motions.motion_of, of_motions.velocity_at

@@ -25,7 +25,7 @@ def make_shapes(compiler: Compiler, real: Any, shaping: frozenset[str], row: int
     if not shaping:
         return _turning(compiler)
     has_linear, has_plastic = "linear" in shaping, "plastic" in shaping
-    formulas = deformation.make(real, compiler.compiled)
+    formulas = compiler.formulas(deformation, real)
     bent, gradient, undone, product = formulas.bent, formulas.gradient, formulas.undone, formulas.product
     blended, strain, crept = formulas.blended, formulas.strain, formulas.crept
 

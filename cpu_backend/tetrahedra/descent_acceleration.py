@@ -14,7 +14,7 @@ from softlab.model.formulas.elastic import chebyshev
 def make_accelerate(compiler: Compiler, real: Any) -> Any:
     """Make accelerate(first, last, position, iterates, w): it extrapolates particles after a sweep; `iterates` (2, particles,
     4): positions after the last sweep, and after the one before it."""
-    beyond, zero = chebyshev.make(real, compiler.compiled).beyond, real(0)
+    beyond, zero = compiler.formulas(chebyshev, real).beyond, real(0)
 
     @compiler.compiled
     def accelerate(first, last, position, iterates, w):

@@ -23,12 +23,12 @@ def make_meeting(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
     true if there are colliders.
     """
     compiled, contact = compiler.compiled, make_contact(compiler, real, parts)
-    within, outer = contact.within, newton.make(real, compiled).outer
-    rub = friction.make(real, compiled)
+    within, outer = contact.within, compiler.formulas(newton, real).outer
+    rub = compiler.formulas(friction, real)
     unit, straight, slid, heading, sliding, rubbed = (
         rub.unit, rub.straight, rub.slid, rub.heading, rub.sliding, rub.rubbed,
     )  # fmt: skip
-    added, touch = descent.make_vertex(real, compiled).added, make_collide_mass(compiler, real, parts)
+    added, touch = compiler.formulas(descent, real).added, make_collide_mass(compiler, real, parts)
     zero, has_friction = real(0), "friction" in parts
 
     @compiled
@@ -65,7 +65,7 @@ def make_meeting(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
 def make_carry(real: Any, math: str) -> Any:
     """Compile carry(bands, position, earlier, inertial): pushes from `earlier` to `position` move `inertial`, too."""
     compiler = Compiler(f"carry_{np.dtype(real).name}_{math}", math)
-    carried = descent.make_carried(real, compiler.compiled).carried
+    carried = compiler.formulas(descent, real).carried
 
     def carry(band, bands, position, earlier, inertial):
         for k in range(len(earlier) * band // bands, len(earlier) * (band + 1) // bands):

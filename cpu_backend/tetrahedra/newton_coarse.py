@@ -20,7 +20,7 @@ def make_coarse(compiler: Compiler, real: Any) -> SimpleNamespace:
     """Make `centre(first, last, position, groups, coarse)`, `gather(first, last, position, rows, blocks, groups,
     coarse)` and `restrict(first, last, position, residual, groups, coarse)`, for groups; `corrected(k, position,
     groups, coarse)`: three numbers to add at particle k."""
-    compiled, formulas = compiler.compiled, formulas_of.make(real, compiler.compiled)
+    compiled, formulas = compiler.compiled, compiler.formulas(formulas_of, real)
     scale_of, arm, moment, motion = formulas.scale_of, formulas.arm, formulas.moment, formulas.motion
     columns = formulas.columns
     zero, one = real(0), real(1)
@@ -107,7 +107,7 @@ def make_coarse(compiler: Compiler, real: Any) -> SimpleNamespace:
 def make_band(compiler: Compiler, real: Any) -> SimpleNamespace:
     """Make `factor(coarse, groups)`, which returns true if the coarse matrix is not positive, and `solve(coarse,
     groups)`, both for one thread."""
-    compiled, pivot = compiler.compiled, formulas_of.make(real, compiler.compiled).pivot
+    compiled, pivot = compiler.compiled, compiler.formulas(formulas_of, real).pivot
 
     @compiled
     def subtract(band, i, k, many, factor):

@@ -24,7 +24,7 @@ def make_contact(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
     end, velocities including the push of colliders, so that friction knows the normal impulse. `holds` (particles, 1):
     stiffness that holds each [N/m]; `colliders`: (parameters, bodies, kinds).
     """
-    compiled, formulas = compiler.compiled, newton.make(real, compiler.compiled)
+    compiled, formulas = compiler.compiled, compiler.formulas(newton, real)
     inertia_of, moved = formulas.inertia_of, formulas.moved
     has_bodies, zero = bool(parts & set(COLLIDER_KINDS)), real(0)
     contact, soon = real(newton.CONTACT), real(newton.SOON)

@@ -20,11 +20,11 @@ def make_elements(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simpl
     blocks_out)`: their tangents, in rows of BLOCKS blocks. `since`: Since of newton_arrays.py.
     """
     compiled = compiler.compiled
-    elastic, shape = deformation.make_gradient(real, compiled), tangent.make(real, compiled)
-    gradient, at_corners, rotation = elastic.gradient, elastic.corners, deformation.make_rotation(real, compiled)
+    elastic, shape = compiler.formulas(deformation, real), compiler.formulas(tangent, real)
+    gradient, at_corners, rotation = elastic.gradient, elastic.corners, compiler.formulas(deformation, real).rotation
     stress, frame, moduli, block, seen_in = shape.stress, shape.frame, shape.moduli, shape.block, shape.seen_in
-    doubt, zero = newton.make(real, compiled).doubt, real(0)
-    viscous, damped, of_damper = make_damper(compiler, real, parts), DAMPED in parts, damper.make(real, compiled)
+    doubt, zero = compiler.formulas(newton, real).doubt, real(0)
+    viscous, damped, of_damper = make_damper(compiler, real, parts), DAMPED in parts, compiler.formulas(damper, real)
     stressed, scaled, positive, squared, added = (
         of_damper.stressed, of_damper.scaled, of_damper.positive, of_damper.squared, of_damper.block,
     )  # fmt: skip
@@ -133,8 +133,8 @@ def make_damper(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
     `since`: Since of newton_arrays.py.
     """
-    compiled, formulas = compiler.compiled, damper.make(real, compiler.compiled)
-    gradient, row = deformation.make_gradient(real, compiled).gradient, make_row(compiler)
+    compiled, formulas = compiler.compiled, compiler.formulas(damper, real)
+    gradient, row = compiler.formulas(deformation, real).gradient, make_row(compiler)
     increment, beyond, resisted, staged = formulas.increment, formulas.beyond, formulas.resisted, STAGED in parts
 
     @compiled

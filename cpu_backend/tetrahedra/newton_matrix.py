@@ -15,7 +15,7 @@ AXES = 3
 
 def make_matrix_rows(compiler: Compiler, real: Any, parts: frozenset[str], contact: SimpleNamespace) -> SimpleNamespace:
     """Make `apply(k, rows, blocks, vector)`, a row's product (three numbers), and `assemble(...)`, for groups."""
-    compiled, formulas = compiler.compiled, newton.make(real, compiler.compiled)
+    compiled, formulas = compiler.compiled, compiler.formulas(newton, real)
     inertia_of, inverse, outer = formulas.inertia_of, formulas.inverse, formulas.outer
     has_bodies, nearly_within, gather = contact.has_bodies, contact.nearly_within, make_gather(compiler)
     zero, one = real(0), real(1)

@@ -92,7 +92,7 @@ def make_moving(
 ) -> SimpleNamespace:
     """Make `weigh`, the potential's gradient at the positions and the rest of its energy, and `move`, `accept`, `put`,
     over groups."""
-    compiled, formulas = compiler.compiled, newton.make(real, compiler.compiled)
+    compiled, formulas = compiler.compiled, compiler.formulas(newton, real)
     inertia_of, inertial_energy, moved = formulas.inertia_of, formulas.inertial_energy, formulas.moved
     has_bodies, within = contact.has_bodies, contact.within
     zero = real(0)

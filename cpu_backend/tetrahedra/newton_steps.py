@@ -47,7 +47,7 @@ def make_substep_ends(
     update_velocity, collide = ends.update, ends.collide
     has_bodies, pressed = contact.has_bodies, contact.pressed
     drive, has_motion = make_drive(compiler, real), "motion" in parts
-    ahead, staged, damped = stages.make(real, compiler.compiled), STAGED in parts, DAMPED in parts
+    ahead, staged, damped = compiler.formulas(stages, real).ahead, STAGED in parts, DAMPED in parts
 
     @compiler.compiled
     def begin_stage(low, high, number, state, inputs, vectors):
@@ -210,7 +210,7 @@ def make_newton_advance(real: Any, math: str, parts: frozenset[str]) -> Any:
     """
     compiler = Compiler(cloth_variant("newton", real, math, parts), math)
     one_pass = make_pass(compiler, real, parts)
-    after, zero = passes.make_control(real, compiler.compiled).after, real(0)
+    after, zero = compiler.formulas(passes, real).after, real(0)
 
     @compiler.compiled
     def total(sums, place, groups):

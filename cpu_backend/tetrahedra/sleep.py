@@ -22,7 +22,7 @@ def make_sleep_stages(real: Any, math: str) -> SimpleNamespace:
     `slow` (particles,) int32; `earlier`: velocities at the end of the last substep, (particles, 3).
     """
     compiler = Compiler(f"sleep_{np.dtype(real).name}_{math}", math)
-    is_slow, zero = sleep.make(real, compiler.compiled).is_slow, real(0)
+    is_slow, zero = compiler.formulas(sleep, real).is_slow, real(0)
 
     def find_slow(band, bands, velocity, earlier, slow, speed, parameters):
         count = len(slow)

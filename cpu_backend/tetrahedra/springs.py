@@ -16,7 +16,7 @@ def make_springs(compiler: Compiler, real: Any) -> SimpleNamespace:
     `springs`: SpringArrays.
     """
     compiled = compiler.compiled
-    pull, zero = spring.make(real, compiled).pull, real(0)
+    pull, zero = compiler.formulas(spring, real).pull, real(0)
 
     @compiled
     def row(position, k):

@@ -12,7 +12,7 @@ import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.simulation import ParticlesSimulation
-from softlab.model.formulas.elastic.descent import make_carried
+from softlab.model.formulas.elastic import descent
 
 AXES = 3
 
@@ -26,7 +26,7 @@ def make_transfers(real: Any) -> SimpleNamespace:
     `carry(..., flat, inertial)`: as `give`, and adds their displacements to `inertial` before.
     """
     compiler, zero = Compiler(f"joined_{np.dtype(real).name}", "exact"), real(0)
-    carried = make_carried(real, compiler.compiled).carried
+    carried = compiler.formulas(descent, real).carried
 
     def take(band, bands, flat, slots, stride, first, rows):
         count = slots.size

@@ -117,7 +117,7 @@ def make_wind(compiler: Compiler, real: Any, parts: frozenset[str], classes: int
         compiler, real, parts & WIND_PARTS, scratches.place, scratches.edge, scratches.forget, scratches.clear, at
     )
     air_now, wind_cells, add_wind = winds.air_now, winds.wind_cells, winds.add_wind
-    added = distance.make(real, compiled).added
+    added = compiler.formulas(distance, real).added
     has_load, has_gravity = "load" in parts, "gravity" in parts
     a_close, triples, zero = at["close"], at["count"], real(0)
 

@@ -52,7 +52,7 @@ def make_displace_row(compiler: Compiler, real: Any, axes: int, soft: bool, damp
     reciprocals, rest, compliance, odd_compliance, damping, out): displacements of the second ends. `first` and so on:
     x, y, z rows."""
     change_of = make_change(compiler, real, axes, soft, damped)
-    scaled, block, zero = distance.make(real, compiler.compiled).scaled, block_of(real), real(0)
+    scaled, block, zero = compiler.formulas(distance, real).scaled, block_of(real), real(0)
 
     def displace(
         blocks, x, y, z, far_x, far_y, far_z, old_x, old_y, old_z, old_far_x, old_far_y, old_far_z, multipliers, later,
@@ -132,7 +132,7 @@ def make_lead(
 def make_gather_row(compiler: Compiler, real: Any, parts: frozenset[str], uneven: bool) -> Any:
     """Make gather(blocks, position, weights, valences, displacements of ten rows, out): one axis of a row. A row of
     displacements begins REACH columns before the sheet's first one."""
-    formulas, block = distance.make(real, compiler.compiled), block_of(real)
+    formulas, block = compiler.formulas(distance, real), block_of(real)
     gathered, averaged = formulas.gathered, formulas.averaged
     has_structural, has_shear, has_bending = (kind in parts for kind in ("structural", "shear", "bending"))
     in_the_mean = "averaged-jacobi" in parts

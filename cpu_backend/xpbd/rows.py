@@ -38,7 +38,7 @@ def make_motion_rows(
     iterated positions. The position at the substep's start is stored in place of the velocity, which is not needed
     meanwhile; or `apart`.
     """
-    formulas, block = distance.make(real, compiler.compiled), block_of(real)
+    formulas, block = compiler.formulas(distance, real), block_of(real)
     kicked, damping_factor, predicted, rate = (
         formulas.kicked,
         formulas.damping_factor,
@@ -108,7 +108,7 @@ def make_project_row(compiler: Compiler, real: Any, axes: int, soft: bool, dampe
     `first` and so on: x, y, z rows; `later`: true if multipliers are known, else they are 0.
     """
     change_of = make_change(compiler, real, axes, soft, damped)
-    moved, block, zero, one = distance.make(real, compiler.compiled).moved, block_of(real), real(0), real(1)
+    moved, block, zero, one = compiler.formulas(distance, real).moved, block_of(real), real(0), real(1)
 
     def project(
         blocks, x, y, z, far_x, far_y, far_z, old_x, old_y, old_z, old_far_x, old_far_y, old_far_z,

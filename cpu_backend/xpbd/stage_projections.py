@@ -19,7 +19,7 @@ from softlab.model.contact.substep_parameters import (
     constants_of,
 )
 from softlab.model.core.plan import Moment, StageRun
-from softlab.model.formulas import distance
+from softlab.model.formulas import distance, lengths
 from softlab.model.position_based.plan import FAMILIES, colour_order, families
 
 MARGIN = 2  # rows and columns of displacements around the sheet, without constraints
@@ -30,10 +30,11 @@ def make_change(compiler: Compiler, real: Any, axes: int, soft: bool, damped: bo
 
     `d`, `e`: the vector between its ends, and its change in the substep, three numbers each.
     """
-    formulas = distance.make(real, compiler.compiled)
+    formulas = compiler.formulas(distance, real)
     rigid_change, soft_change, damped_change = formulas.rigid_change, formulas.soft_change, formulas.damped_change
-    squared_length_2d, squared_length_3d = formulas.squared_length_2d, formulas.squared_length_3d
-    along_2d, along_3d = formulas.along_2d, formulas.along_3d
+    squares = compiler.formulas(lengths, real)
+    squared_length_2d, squared_length_3d = squares.squared_length, squares.squared_length_3d
+    along_2d, along_3d = formulas.along_2d, squares.dot
 
     @compiler.compiled
     def change(d, e, rest, compliance, damping, multiplier, reciprocal):
@@ -57,7 +58,7 @@ def make_kind(
 ) -> SimpleNamespace:
     """Make `project` (in place, a colour) and `displace` (the terms of a Jacobi sum) of a kind of constraints."""
     compiled, kernel = compiler.compiled, compiler.kernel
-    formulas = distance.make(real, compiled)
+    formulas = compiler.formulas(distance, real)
     moved, reciprocal_of, scaled, weighted_valence = (
         formulas.moved,
         formulas.reciprocal,
@@ -139,7 +140,7 @@ def make_kind(
 
 def make_gather(compiler: Compiler, real: Any, axes: int, parts: frozenset[str]) -> Any:
     """Make gather(position, displacements, weights, valences): it moves every mass by the sum of its displacements."""
-    formulas = distance.make(real, compiler.compiled)
+    formulas = compiler.formulas(distance, real)
     gathered, averaged = formulas.gathered, formulas.averaged
     has_structural, has_shear, has_bending = (kind in parts for kind in ("structural", "shear", "bending"))
     in_the_mean = "averaged-jacobi" in parts
@@ -179,9 +180,10 @@ def make_gather(compiler: Compiler, real: Any, axes: int, parts: frozenset[str])
 def make_attach(compiler: Compiler, real: Any, axes: int) -> Any:
     """Make attach(position, weights, anchor, max_distance): it pulls masses back to the maximum distance of their anchors.
     `anchor` (count, rows, columns): the particle; `max_distance` [m], the same shape."""
-    formulas = distance.make(real, compiler.compiled)
+    formulas = compiler.formulas(distance, real)
     tether, tethered = formulas.tether, formulas.tethered
-    squared_length_2d, squared_length_3d = formulas.squared_length_2d, formulas.squared_length_3d
+    squares = compiler.formulas(lengths, real)
+    squared_length_2d, squared_length_3d = squares.squared_length, squares.squared_length_3d
     zero = real(0)
 
     def attach(position, weights, anchor, max_distance):

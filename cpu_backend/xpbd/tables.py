@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from softlab.model.base.variant import plain_formulas
 from softlab.model.contact.substep_parameters import constants_of
 from softlab.model.core.build import Body
 from softlab.model.formulas import distance
@@ -72,7 +73,7 @@ class Tables:
 
     def __init__(self, scene: Scene, body: Body, real: Any, parts: frozenset[str]):
         self.real, self.parts, self.rows, self.columns = real, parts, body.rows, body.columns
-        self._formulas = distance.make(real)
+        self._formulas = plain_formulas(distance, real)
         rows = _Rows({}, [])
         sheet = mass_weights(scene, body, real)
         self.weight_row = np.array([rows.number(row.tobytes(), row.copy) for row in sheet], np.int64)

@@ -28,7 +28,7 @@ from softlab.cpu_backend.xpbd.layout import (
     P_STRIDE,
 )
 from softlab.cpu_backend.xpbd.rows import make_motion_rows
-from softlab.model.formulas import distance
+from softlab.model.formulas import distance, lengths
 from softlab.model.tables.cloth import COLLIDER_KINDS
 
 
@@ -60,9 +60,10 @@ def keeps_velocity(parts: frozenset[str]) -> bool:
 
 def make_attach_row(compiler: Compiler, real: Any, axes: int, parts: frozenset[str]) -> Any:
     """Make attach_row(i, position, sheet): the attachments of row `i`."""
-    formulas, block = distance.make(real, compiler.compiled), block_of(real)
+    formulas, block = compiler.formulas(distance, real), block_of(real)
     tether, tethered = formulas.tether, formulas.tethered
-    squared_length_2d, squared_length_3d = formulas.squared_length_2d, formulas.squared_length_3d
+    squares = compiler.formulas(lengths, real)
+    squared_length_2d, squared_length_3d = squares.squared_length, squares.squared_length_3d
     zero, one = real(0), real(1)
 
     @compiler.row

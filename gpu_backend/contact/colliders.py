@@ -41,7 +41,7 @@ from softlab.model.formulas import cloth, colliders, distance_field, triangle_tr
 def make_place_of(real: Any, math: str) -> Any:
     """Make place_of(bodies, at, time) -> (x, y, z): position [m] at `time` [s] of the collider whose row begins at
     `at`."""
-    moved = device_formulas(cloth.make, real, math).moved
+    moved = device_formulas(cloth, real, math).moved
 
     @inlined(math)
     def place_of(bodies, at, time):
@@ -57,8 +57,8 @@ def make_place_of(real: Any, math: str) -> Any:
 def _make_answers(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Make `place_of`, `response` (velocity of a mass after contact) and `push`, for the collider whose row begins at
     `at`."""
-    formulas, place_of = device_formulas(colliders.make, real, math), make_place_of(real, math)
-    respond, rebound, pushed = formulas.respond, formulas.rebound, device_formulas(cloth.make, real, math).pushed
+    formulas, place_of = device_formulas(colliders, real, math), make_place_of(real, math)
+    respond, rebound, pushed = formulas.respond, formulas.rebound, device_formulas(cloth, real, math).pushed
     bounces, has_friction, zero, inline = "restitution" in parts, "friction" in parts, real(0), inlined(math)
     in_place, slid = FRICTION_IN_PLACE in parts, formulas.slid
 
@@ -98,9 +98,9 @@ def _make_answers(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespac
 def _make_meetings(real: Any, math: str, parts: frozenset[str]) -> tuple[Any, ...]:
     """Make, for a plane, a sphere, a capsule, a box, a mesh and a field, meet(before, p, v, slow, bodies, at, begin, end)
     -> (p, v): the collision of a mass, which was at `before`."""
-    formulas, answers = device_formulas(colliders.make, real, math), _make_answers(real, math, parts)
+    formulas, answers = device_formulas(colliders, real, math), _make_answers(real, math, parts)
     plane, sphere, capsule, box = formulas.plane, formulas.sphere, formulas.capsule, formulas.box
-    sphere_entry, between = formulas.sphere_entry, device_formulas(cloth.make, real, math).between
+    sphere_entry, between = formulas.sphere_entry, device_formulas(cloth, real, math).between
     place_of, response, push = answers.place_of, answers.response, answers.push
     bounces, has_friction, zero, one = "restitution" in parts, "friction" in parts, real(0), real(1)
     inline = inlined(math)
@@ -141,7 +141,7 @@ def _make_meetings(real: Any, math: str, parts: frozenset[str]) -> tuple[Any, ..
 
     def of_surface(topic: Any) -> Any:
         """Make the collision in the collider's own frame (model/formulas/frame.py)."""
-        touch_at = device_formulas(topic.make, real, math, bounces=bounces, in_place=FRICTION_IN_PLACE in parts).touch
+        touch_at = device_formulas(topic, real, math, bounces=bounces, in_place=FRICTION_IN_PLACE in parts).touch
 
         @inline
         def push_from_surface(before, p, v, slow, bodies, at, begin, end):
@@ -182,10 +182,10 @@ def make_collide(real: Any, math: str, parts: frozenset[str]) -> Any:
     push_from_plane, push_from_sphere, push_from_capsule, push_from_box, push_from_mesh, push_from_field = (
         _make_meetings(real, math, parts)
     )
-    settling_speed = device_formulas(colliders.make, real, math).settling_speed
+    settling_speed = device_formulas(colliders, real, math).settling_speed
     swept = "swept" in parts
     sweep_capsule, sweep_box = make_swept(real, math, _make_answers(real, math, parts))
-    instant, bounces = device_formulas(cloth.make, real, math).instant, "restitution" in parts
+    instant, bounces = device_formulas(cloth, real, math).instant, "restitution" in parts
     has_planes, has_spheres, has_capsules = "plane" in parts, "sphere" in parts, "capsule" in parts
     has_boxes, has_meshes, has_fields = "box" in parts, "mesh_collider" in parts, "distance_field" in parts
     has_colliders, zero, next_one = bool(parts & COLLIDERS), real(0), np.int64(1)

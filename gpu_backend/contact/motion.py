@@ -24,7 +24,7 @@ def make_motion(real: Any, math: str, parts: frozenset[str], axes: int) -> Simpl
     `collide(b, p, vx, vy, vz, world, number)` -> (x, y, z, vx, vy, vz): after the colliders, in substep `number`;
     `settle`: the last two, from the substep's start and end.
     """
-    formulas = device_formulas(distance.make, real, math)
+    formulas = device_formulas(distance, real, math)
     kicked, damping_factor, predicted, rate = (
         formulas.kicked,
         formulas.damping_factor,

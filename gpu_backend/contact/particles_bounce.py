@@ -32,7 +32,7 @@ def make_lack(real: Any, math: str, self_contact: bool, many: bool, has_rigid: b
     `has_rigid`: `travel` is read, as in shape_matching/rigid.py. Two particles of rigid bodies, which have slacks, then
     separate as those do (model/formulas/particle_contact.py, `parting`), even without restitution.
     """
-    formulas = device_formulas(particle_contact.make, real, math)
+    formulas = device_formulas(particle_contact, real, math)
     squared, touches = formulas.squared, formulas.touching
     direction, lacking, parting = formulas.direction, formulas.lacking, formulas.parting
     pair_of, zero = make_pairs(self_contact, many), real(0)
@@ -77,7 +77,7 @@ def make_bounce(real: Any, math: str, self_contact: bool, many: bool, has_rigid:
     `many`: as in `make_pairs`. With `has_rigid` only `count`, whose last arguments are `travel` and `pressed`, as of
     `make_lack` and contact/particles_project.py.
     """
-    formulas = device_formulas(particle_contact.make, real, math)
+    formulas = device_formulas(particle_contact, real, math)
     split, added, moved = formulas.split, formulas.added, formulas.moved
     lack_of, zero, one, most = (
         make_lack(real, math, self_contact, many, has_rigid),

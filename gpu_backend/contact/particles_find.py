@@ -62,7 +62,7 @@ def make_pairs(self_contact: bool, many: bool) -> Any:
 def _make_cells(real: Any) -> SimpleNamespace:
     """Make functions of cells: `cell_of` and `is_near` of a coordinate, `bucket_of` of a cell."""
     device = cuda.jit(device=True, **kernel_options("exact"))
-    scaled = device_formulas(particle_contact.make, real, "exact").scaled
+    scaled = device_formulas(particle_contact, real, "exact").scaled
     (_, prime_y, prime_z), farthest, one = contact.PRIMES, real(FARTHEST), np.int32(1)
 
     @device
@@ -121,7 +121,7 @@ def _sort(real: Any) -> tuple[Any, ...]:
 
 
 def _make_search(real: Any, self_contact: bool, many: bool) -> Any:
-    formulas, cells = device_formulas(particle_contact.make, real, "exact"), _make_cells(real)
+    formulas, cells = device_formulas(particle_contact, real, "exact"), _make_cells(real)
     squared, within, cell_of, bucket_of = formulas.squared, formulas.within, cells.cell_of, cells.bucket_of
     device, pair_of = cuda.jit(device=True, **kernel_options("exact")), make_pairs(self_contact, many)
     zero, one, three, most = real(0), np.int32(1), np.int32(3), np.int32(MAX_NEIGHBOURS)

@@ -33,7 +33,8 @@ from softlab.model.contact.particle_parameters import (
     MAX_NEIGHBOURS,
 )
 from softlab.model.formulas import particle_contact
-from softlab.model.formulas.shape_matching import couple, rigid
+from softlab.model.formulas.shape_matching import couple as formulas_of_couple
+from softlab.model.formulas.shape_matching import rigid
 
 
 @cache
@@ -57,7 +58,7 @@ def make_project(
     its last argument is the particles' `couples` (shape_matching/couples.py). `has_friction`, `has_adhesion`: code for
     those; `self_contact`, `many`: as in `make_pairs`.
     """
-    formulas = device_formulas(particle_contact.make, real, math)
+    formulas = device_formulas(particle_contact, real, math)
     squared, within, split, enforced_distance = (
         formulas.squared,
         formulas.within,
@@ -68,7 +69,7 @@ def make_project(
     added, added_friction, moved = formulas.added, formulas.added_friction, formulas.moved
     pair_of, zero, one, most = make_pairs(self_contact, many), real(0), real(1), np.int32(MAX_NEIGHBOURS)
     pressed_by = formulas.pressed
-    carried, levers = device_formulas(rigid.make, real, math).carried, device_formulas(couple.make, real, math)
+    carried, levers = device_formulas(rigid, real, math).carried, device_formulas(formulas_of_couple, real, math)
     levered, gathered = levers.levered, levers.gathered
 
     @inlined(math)
@@ -261,7 +262,7 @@ def make_contact_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleName
     The speed limit and sleeping are applied to particles.
     """
     motion, clock = make_motion(real, math, parts, AXES), make_clock(math, parts)
-    formulas = device_formulas(particle_contact.make, real, math)
+    formulas = device_formulas(particle_contact, real, math)
     far, shortened, rested = formulas.far, formulas.shortened, formulas.rested
     settle, rate_of, touch, zero = motion.settle, motion.rate_of, motion.collide, real(0)
     limited, sleeping = "speed-limit" in parts, "sleeping" in parts

@@ -67,7 +67,7 @@ def make_pins(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Make `pin(mark, p, step, halfway, world)` -> (x, y, z, vx, vy, vz): the state of a pinned mass, which was at p,
     at the end of step number `step`, or half-way through it; `mark`: its mark."""
     has_motion = "motion" in parts
-    paths, instant = device_formulas(motion.make, real, math), device_formulas(cloth.make, real, math).instant
+    paths, instant = device_formulas(motion, real, math), device_formulas(cloth, real, math).instant
     turn, placed, middle = paths.turn, paths.placed, paths.middle
     inline = inlined(math)
     zero, still, one = real(0), real(STILL), np.int64(1)
@@ -107,7 +107,7 @@ def make_drive(real: Any, math: str) -> Any:
     pinned particles, whose rows begin at `first` of `bodies`; those without a motion are unchanged.
     """
     follow = make_pins(real, math, frozenset({"motion"})).follow
-    instant = device_formulas(cloth.make, real, math).instant
+    instant = device_formulas(cloth, real, math).instant
     zero, one, nobody, wide = real(0), np.int64(1), real(0), np.int32(PIN_FIELDS)
 
     def drive(position, velocity, record, bodies, driven, first, pins, counter, place, substeps, substep):

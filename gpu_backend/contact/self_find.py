@@ -57,10 +57,10 @@ def _make_add_contact(real: Any, math: str) -> Any:
     cpu_backend/contact/self_find.py. `mass`: its number, row and column, position and displacement; `contacts`:
     (triangles, corners, normals, weights)."""
     device = cuda.jit(device=True, **kernel_options(math))
-    formulas, numbers = device_formulas(contact.make, real, math), contact.make_numbers(device)
+    formulas = device_formulas(contact, real, math)
     nearest, away, length, dot = formulas.nearest, formulas.away, formulas.length, formulas.dot
     rest_distance, normal, enforced_distance = formulas.rest_distance, formulas.normal, formulas.enforced_distance
-    corners_of, owns = numbers.corners, numbers.owns
+    corners_of, owns = formulas.corners, formulas.owns
     two, zero, slots = np.int64(2), real(0), make_slots(math)
     place_of, copy = slots.place_of, slots.copy
 
@@ -123,7 +123,7 @@ def _make_cells(real: Any, math: str) -> SimpleNamespace:
     """Make functions of cells, `floor`, `scaled`, `key`, `bucket`, and `relative`, the relative displacement of two
     masses."""
     device = cuda.jit(device=True, **kernel_options(math))
-    formulas, numbers = device_formulas(contact.make, real, math), contact.make_numbers(device)
+    formulas = device_formulas(contact, real, math)
     length, one = formulas.length, np.int64(1)
 
     @device
@@ -140,7 +140,8 @@ def _make_cells(real: Any, math: str) -> SimpleNamespace:
         )
 
     return SimpleNamespace(
-        floor=floor, relative=relative, middle=formulas.middle, scaled=formulas.scaled, key=numbers.key, bucket=numbers.bucket
+        floor=floor, relative=relative, middle=formulas.middle, scaled=formulas.scaled, key=formulas.key,
+        bucket=formulas.bucket,
     )  # fmt: skip
 
 

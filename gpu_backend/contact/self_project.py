@@ -22,7 +22,7 @@ def _make_corners(real: Any, math: str) -> SimpleNamespace:
     """Make `slots_of(contact_counts, k)`, the range of the contacts of mass k, `offset(points, k, a, b, c, s, t)`, the
     vector from a triangle's point to it, and `corner_weight(weights, place)`, the weight of the corner place % 3 of
     contact place // 3."""
-    device, f = cuda.jit(device=True, **kernel_options(math)), device_formulas(contact.make, real, math)
+    device, f = cuda.jit(device=True, **kernel_options(math)), device_formulas(contact, real, math)
     mixed, first_weight = f.mixed, f.first_weight
 
     @device
@@ -91,11 +91,11 @@ def _link(real: Any, math: str) -> tuple[Any, ...]:
 @cache
 def _make_now(real: Any, math: str) -> SimpleNamespace:
     """Make `shallower`, `rubbed`, `lever` and `load`, as on the CPU."""
-    device, f = cuda.jit(device=True, **kernel_options(math)), device_formulas(surface_contact.make, real, math)
+    device, f = cuda.jit(device=True, **kernel_options(math)), device_formulas(surface_contact, real, math)
     checked, apart, over, through = f.checked, f.apart, f.over, f.through
     rub, load, split = f.rub, f.load, f.split
     none, by_triangle, nearest = surface_contact.NONE, surface_contact.BY_TRIANGLE, surface_contact.NEAREST
-    first_weight = device_formulas(contact.make, real, math).first_weight
+    first_weight = device_formulas(contact, real, math).first_weight
 
     @device
     def difference(points, a, b):
@@ -161,7 +161,7 @@ def _make_now(real: Any, math: str) -> SimpleNamespace:
 
 def _move(real: Any, math: str, friction: bool, surfaces: bool) -> tuple[Any, ...]:
     current, levered = _make_now(real, math), friction and surfaces
-    corners_of, f, zero, one = _make_corners(real, math), device_formulas(contact.make, real, math), real(0), real(1)
+    corners_of, f, zero, one = _make_corners(real, math), device_formulas(contact, real, math), real(0), real(1)
     slots_of, offset, corner_weight = corners_of.slots_of, corners_of.offset, corners_of.corner_weight
     shallower, load_at = current.shallower, current.load
     dot, length, along, stiffness, inverse, slip = f.dot, f.length, f.along, f.stiffness, f.inverse, f.slip
@@ -244,7 +244,7 @@ def _rub(real: Any, math: str) -> tuple[Any, ...]:
     current, corners_of, zero = _make_now(real, math), _make_corners(real, math), real(0)
     rubbed, lever = current.rubbed, current.lever
     slots_of, offset, corner_weight = corners_of.slots_of, corners_of.offset, corners_of.corner_weight
-    f = device_formulas(contact.make, real, math)
+    f = device_formulas(contact, real, math)
     taken, shifted = f.taken, f.shifted
 
     def rub(position, before, contact_counts, corners, normals, weights, mass_weights, loads, record, forces, turns):

@@ -51,7 +51,7 @@ def _make_add_contact(real: Any, math: str, ratios: bool) -> Any:
     """Make add_contact(k, p, moved, triangle, before, predicted, rest, body, corners_of, owned, parameters, ratio, triangles,
     corners, normals, weights, contact_count), as in cpu_backend/contact/surfaces_find.py."""
     device, slots = cuda.jit(device=True, **kernel_options(math)), _make_slots(real, math)
-    formulas, sides = device_formulas(contact.make, real, math), device_formulas(surface_contact.make, real, math)
+    formulas, sides = device_formulas(contact, real, math), device_formulas(surface_contact, real, math)
     outward, scaled_length = sides.outward, sides.scaled_length
     nearest, away, length, dot = formulas.nearest, formulas.away, formulas.length, formulas.dot
     enforced_distance, mixed = formulas.enforced_distance, formulas.mixed

@@ -21,8 +21,8 @@ from softlab.model.formulas.fluid import sweep
 
 def make_swept(real: Any, math: str, answers: SimpleNamespace) -> tuple[Any, Any]:
     """Make `push_from_capsule` and `push_from_box`, as in gpu_backend/contact/colliders.py; `answers`: of that."""
-    formulas, sums = device_formulas(colliders.make, real, math), device_formulas(cloth.make, real, math)
-    sweeps, inline = device_formulas(sweep.make, real, math), inlined(math)
+    formulas, sums = device_formulas(colliders, real, math), device_formulas(cloth, real, math)
+    sweeps, inline = device_formulas(sweep, real, math), inlined(math)
     capsule, box, between, pushed = formulas.capsule, formulas.box, sums.between, sums.pushed
     capsule_entry, box_face = sweeps.capsule_entry, sweeps.box_face
     place_of, response, push = answers.place_of, answers.response, answers.push

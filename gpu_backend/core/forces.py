@@ -14,9 +14,9 @@ import numpy as np
 from numba import cuda
 
 from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
-from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
-from softlab.model.core.own_forces import PARTICLE_FORCES, make_add, make_particle_forces, particle_forces
+from softlab.model.core.own_forces import PARTICLE_FORCES, accelerated, add, force_flags, particle_forces
 from softlab.model.core.plan import StageRun
 from softlab.model.tables.cloth import CONSTRAINT_KINDS
 
@@ -31,7 +31,7 @@ def make_forces(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     `add_particle_force(..., k, weight, parameters, integers, step)`, all own forces. The last two map (ax, ay, az, ...)
     to (ax, ay, az)."""
     particle_force, inline, has_gravity = make_particle_force(real, math, 3, parts), inlined(math), "gravity" in parts
-    add = make_add(inline, lambda make: device_formulas(make, real, math), 3, parts)
+    add_force = device_variant(real, math, True, **force_flags(3, parts))(add)
 
     @inline
     def add_gravity(ax, ay, az, parameters):
@@ -43,13 +43,13 @@ def make_forces(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     def add_particle_force(ax, ay, az, k, weight, parameters, integers, step):
         return particle_force((ax, ay, az), k, weight, parameters, integers, step)
 
-    return SimpleNamespace(add=add, add_gravity=add_gravity, add_particle_force=add_particle_force)
+    return SimpleNamespace(add=add_force, add_gravity=add_gravity, add_particle_force=add_particle_force)
 
 
 @cache
 def make_particle_force(real: Any, math: str, axes: int, parts: frozenset[str]) -> Any:
     """Make own(a, k, weight, parameters, integers, step) (model/core/own_forces.py)."""
-    return make_particle_forces(real, inlined(math), lambda make: device_formulas(make, real, math), axes, parts)
+    return device_variant(real, math, True, **force_flags(axes, parts))(accelerated(parts))
 
 
 @cache

@@ -1,8 +1,8 @@
 """Compilation of the formulas of model/formulas for CUDA, in `fast` or `exact` math.
 
 The CUDA compiler contracts a * b + c into one fused multiply-add, which rounds once instead of twice, and numba.cuda
-has no switch for it. So in `exact` math a factory's source is parsed again and every product becomes a call of the
-round-to-nearest multiply, which is never contracted. Quotients and roots are correctly rounded unless fast math is on,
+has no switch for it. So in `exact` math every product of a formula is a call of the round-to-nearest multiply, which is
+never contracted. Quotients and roots are correctly rounded unless fast math is on,
 and then fast math is off. In `fast` math the compiler may reorder and approximate, and small functions are replaced by
 instructions: `inverse_length` by the approximate reciprocal root, `difference` by a subtraction that is not cancelled;
 of `reciprocal` both branches are computed and one is selected, since the quotient is faster there than the comparison.
@@ -10,62 +10,28 @@ of `reciprocal` both branches are computed and one is selected, since the quotie
 
 from __future__ import annotations
 
-import ast
-import inspect
 import operator
-import sys
-import textwrap
 from collections.abc import Callable
 from functools import cache
-from types import CodeType, FunctionType, ModuleType
+from types import ModuleType
 from typing import Any
 
 import numpy as np
 from numba import cuda
 
+from softlab.gpu_backend.core.compile import inlined
 from softlab.gpu_backend.core.device import simulated
-
-
-class _RoundProducts(ast.NodeTransformer):
-    """Replaces a * b by _product(a, b), also in a *= b."""
-
-    def visit_BinOp(self, node: ast.BinOp) -> ast.AST:
-        self.generic_visit(node)
-        return self._call(node.left, node.right) if isinstance(node.op, ast.Mult) else node
-
-    def visit_AugAssign(self, node: ast.AugAssign) -> ast.AST:
-        self.generic_visit(node)
-        if not isinstance(node.op, ast.Mult) or not isinstance(node.target, ast.Name):
-            return node
-        left = ast.Name(node.target.id, ast.Load())
-        return ast.Assign([node.target], self._call(left, node.value))
-
-    @staticmethod
-    def _call(left: ast.expr, right: ast.expr) -> ast.Call:
-        return ast.Call(ast.Name("_product", ast.Load()), [left, right], [])
-
-
-class _ReplaceFunctions(ast.NodeTransformer):
-    """Removes the definitions of the named inner functions, so that the names refer to the namespace."""
-
-    def __init__(self, names: set[str]):
-        self.names = names
-
-    def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.AST | None:
-        if node.name in self.names:
-            return None
-        self.generic_visit(node)
-        return node
+from softlab.model.base.variant import PRODUCT, Formulas, Variant
 
 
 def _instructions(real: Any, math: str, options: dict[str, Any]) -> dict[str, Callable]:
     if simulated():
-        return {"_product": operator.mul} if math == "exact" else {}
+        return {PRODUCT: operator.mul} if math == "exact" else {}
     from numba.cuda import libdevice
 
     single = real is np.float32
     if math == "exact":
-        return {"_product": libdevice.fmul_rn if single else libdevice.dmul_rn}
+        return {PRODUCT: libdevice.fmul_rn if single else libdevice.dmul_rn}
     return _fast_instructions(real, options)
 
 
@@ -117,55 +83,20 @@ def _fast_instructions(real: Any, options: dict[str, Any]) -> dict[str, Callable
     }
 
 
-def _rewritten(make: FunctionType, real: Any, math: str, options: dict[str, Any]) -> Callable:
-    """Return the factory `make` with its source transformed for `math`; factories it calls are transformed as well."""
-    instructions = _instructions(real, math, options)
-    namespace = dict(vars(sys.modules[make.__module__])) | instructions
-    _refuse_attributes(make, namespace)
-    for name, value in list(namespace.items()):
-        if _is_factory(value) and value is not make:
-            namespace[name] = lambda *arguments, value=value: _rewritten(value, real, math, options)(*arguments)
-    exec(_transformed(make, frozenset(instructions)), namespace)
-    return namespace[make.__name__]
-
-
 @cache
-def _transformed(make: FunctionType, instructions: frozenset[str]) -> CodeType:
-    """Return the code of the factory `make` with its products rounded, if there is a `_product`, and without the inner
-    functions that instructions replace."""
-    tree = ast.parse(textwrap.dedent(inspect.getsource(make)))
-    if "_product" in instructions:
-        factory = tree.body[0]
-        assert isinstance(factory, ast.FunctionDef)
-        factory.body = [_RoundProducts().visit(n) if isinstance(n, ast.FunctionDef) else n for n in factory.body]
-    tree = ast.fix_missing_locations(_ReplaceFunctions(set(instructions)).visit(tree))
-    return compile(tree, inspect.getfile(make), "exec")
-
-
-@cache
-def _named_in(make: FunctionType) -> frozenset[tuple[str, str]]:
-    """Return (name, attribute) of every attribute access in a factory's source."""
-    tree = ast.parse(textwrap.dedent(inspect.getsource(make)))
-    nodes = [node for node in ast.walk(tree) if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name)]
-    return frozenset((node.value.id, node.attr) for node in nodes if isinstance(node.value, ast.Name))
-
-
-def _refuse_attributes(make: FunctionType, namespace: dict[str, Any]) -> None:
-    """Refuse a factory that is called as an attribute of its module: it would not be rewritten, and its products
-    contracted."""
-    for name, attribute in _named_in(make):
-        if isinstance(namespace.get(name), ModuleType) and _is_factory(getattr(namespace[name], attribute, None)):
-            raise TypeError(f"{make.__module__}: import {attribute} by its name; {name}.{attribute} is not rewritten")
-
-
-def _is_factory(value: Any) -> bool:
-    """Return True for a factory of formulas in an arithmetic, with a first parameter `real`; those of integers have
-    their own products."""
-    here = isinstance(value, FunctionType) and value.__module__.startswith("softlab.model.formulas.")
-    return here and value.__code__.co_varnames[:1] == ("real",)
-
-
-def device_formulas(make: Any, real: Any, math: str, **flags: int) -> Any:
-    """Return `make(real, compiled, **flags)`, compiled as device functions for `math`."""
+def _variant(real: Any, math: str, inline: bool, features: frozenset[tuple[str, Any]]) -> Variant:
     options = {"fastmath": math == "fast"}
-    return _rewritten(make, real, math, options)(real, cuda.jit(device=True, **options), **flags)
+    instructions = _instructions(real, math, options)
+    product = instructions.pop(PRODUCT, None)
+    compiled = inlined(math) if inline else cuda.jit(device=True, **options)
+    return Variant(real, compiled, dict(features), product, instructions)
+
+
+def device_variant(real: Any, math: str, inline: bool = False, **features: Any) -> Variant:
+    """Return what compiles formulas as device functions for `math`; see model/base/variant.py."""
+    return _variant(real, math, inline, frozenset(features.items()))
+
+
+def device_formulas(module: ModuleType, real: Any, math: str, **features: Any) -> Formulas:
+    """Return the formulas of a module in a variant."""
+    return device_variant(real, math, **features).of(module)

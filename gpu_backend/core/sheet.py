@@ -13,7 +13,7 @@ from softlab.gpu_backend.core.compile import inlined, make_kernel, make_kernels,
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.quads import SIZE, load_quad
 from softlab.gpu_backend.core.world import Cell
-from softlab.model.formulas import cloth
+from softlab.model.formulas import cloth, lengths
 
 BLOCK = (32, 8)  # threads along a row, down the columns
 MAX_BLOCKS_DOWN = 65535  # CUDA's limit of a grid's second dimension
@@ -37,8 +37,7 @@ def make_place(math: str) -> Any:
 def make_cloth_tools(real: Any) -> SimpleNamespace:
     """Compile small kernels around the passes: count steps, find bad masses, write positions and normals for
     drawing."""
-    formulas = device_formulas(cloth.make, real, "exact")
-    cross, unit = formulas.cross, formulas.unit
+    cross, unit = device_formulas(lengths, real, "exact").cross, device_formulas(cloth, real, "exact").unit
     inline = inlined("exact")
     one = np.int32(1)
 
@@ -108,8 +107,7 @@ def make_cloth_tools(real: Any) -> SimpleNamespace:
 def make_mesh_tools(real: Any) -> SimpleNamespace:
     """Compile `write_normal(position, out, offsets, at_vertex, corners)`: unit normals (vertices, 3) for drawing, of
     the triangles at each vertex, weighted by area."""
-    formulas = device_formulas(cloth.make, real, "exact")
-    cross, unit = formulas.cross, formulas.unit
+    cross, unit = device_formulas(lengths, real, "exact").cross, device_formulas(cloth, real, "exact").unit
     zero, one, two, three = real(0), np.int32(1), np.int32(2), np.int32(3)
 
     @inlined("exact")

@@ -10,7 +10,7 @@ import numpy as np
 from numba import cuda
 
 from softlab.gpu_backend.core.compile import inlined
-from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.gpu_backend.core.formulas import device_formulas, device_variant
 from softlab.gpu_backend.core.integers import WIND_SEED
 from softlab.gpu_backend.core.quads import load_quad
 from softlab.model.formulas import cloth, random, wind
@@ -20,11 +20,11 @@ from softlab.model.formulas import cloth, random, wind
 def make_wind(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Make `air_now(parameters, integers, step, offset)`, the air's velocity (x, y, z) [m/s], and `wind_sum(position,
     velocity, place, cell, p, v, parameters, air)`, the wind over mass [m/s^2] on one mass."""
-    formulas, sums = device_formulas(wind.make, real, math), device_formulas(cloth.make, real, math)
+    formulas, sums = device_formulas(wind, real, math), device_formulas(cloth, real, math)
     triangle_wind, gust_interval, gust_of = formulas.triangle_wind, formulas.gust_interval, formulas.gust
     stage_time, mean, gusty = formulas.stage_time, sums.mean, sums.gusty
     inline = inlined(math)
-    philox = random.make_philox(inline)
+    philox = device_variant(real, math, inline=True)(random.philox)
     has_gust = "gust" in parts
     one, next_one, stream = np.int32(1), np.int64(1), np.uint64(wind.GUST_STREAM)
 

@@ -35,7 +35,7 @@ def make_approach(real: Any, math: str, parts: frozenset[str], repeats: frozense
     It returns what a vector of each particle (quads; `vector`: that of particle k at p) contributes to C of particle k;
     `wall`: numbers, the last three of its gradient.
     """
-    g, f = device_formulas(divergence.make, real, math), device_formulas(density.make, real, math)
+    g, f = device_formulas(divergence, real, math), device_formulas(density, real, math)
     added, of_wall, slope, pair = (
         g.approach_added,
         g.approach_of_wall,
@@ -70,7 +70,7 @@ def make_targets(real: Any, math: str, parts: frozenset[str], repeats: frozenset
     of walls, and the targets of the first solve. `foresee(position, velocity, record, table, neighbour_counts, constraints,
     gradients, targets)`: the targets of the second solve. `world`: bodies, integers, counter, place, substeps, substep.
     """
-    g, f = device_formulas(divergence.make, real, math), device_formulas(density.make, real, math)
+    g, f = device_formulas(divergence, real, math), device_formulas(density, real, math)
     compressed, foreseen, constraint = g.compressed, g.foreseen, f.constraint
     approach, sum_density = make_approach(real, math, parts, repeats), make_sums(real, math, parts, repeats).sum_density
     walls, clock, wall_at = make_walls(real, math, parts), make_clock(math, parts), make_wall_at(real, math, parts)
@@ -135,7 +135,7 @@ def make_solve(real: Any, math: str, parts: frozenset[str], repeats: frozenset[s
     table, neighbour_counts, gradients, before, fluids, turn)`: shifts. `before`: quads whose fourth number is the
     particle's fluid.
     """
-    g, formulas = device_formulas(divergence.make, real, math), device_formulas(density.make, real, math)
+    g, formulas = device_formulas(divergence, real, math), device_formulas(density, real, math)
     pressed, lead, led, moved = g.pressed, g.lead, g.led, formulas.moved
     approach, sum_correction = (
         make_approach(real, math, parts, repeats),

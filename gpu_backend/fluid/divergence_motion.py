@@ -27,7 +27,7 @@ from softlab.model.formulas.fluid import divergence, motion
 @cache
 def _make_corrected_velocity(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Make `corrected_velocity(v, e, most, parameters)`, a velocity after a solve, and `limited(vx, vy, vz, most)`."""
-    m, gained = device_formulas(motion.make, real, math), device_formulas(divergence.make, real, math).gained
+    m, gained = device_formulas(motion, real, math), device_formulas(divergence, real, math).gained
     speed_of, limited_change, slowed, is_limited = m.speed_of, m.limited_change, m.slowed, "held-back" in parts
 
     @inlined(math)
@@ -62,7 +62,7 @@ def make_free_motion(real: Any, math: str, parts: frozenset[str], repeats: froze
     place, substeps, substep.
     """
     m, ends, row = (
-        device_formulas(motion.make, real, math),
+        device_formulas(motion, real, math),
         _make_corrected_velocity(real, math, parts),
         make_row(parts),
     )
@@ -146,7 +146,7 @@ def _make_accelerated(real: Any, math: str, parts: frozenset[str]) -> Any:
 
     It returns the velocity after drag and the particle's own forces; `at`: the row of its fluid.
     """
-    m, axes = device_formulas(motion.make, real, math), 2 if "flat" in parts else 3
+    m, axes = device_formulas(motion, real, math), 2 if "flat" in parts else 3
     accelerate, buoyant, braked = m.accelerated, m.buoyant, m.braked
     particle_force, has_gravity, is_dragged = (
         make_particle_force(real, math, axes, parts),

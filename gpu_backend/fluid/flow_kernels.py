@@ -65,8 +65,8 @@ def _make_due(real: Any, math: str, parts: frozenset[str]) -> tuple[Any, ...]:
 
     `due_now` (emitters + 1, DUE_FIELDS), flat, int32: what is due; D_NEEDED of the last row: the sum.
     """
-    f, clock = device_formulas(flow.make, real, math), make_clock(math, parts)
-    instant, passed, begun = device_formulas(cloth.make, real, math).instant, f.passed, f.begun
+    f, clock = device_formulas(flow, real, math), make_clock(math, parts)
+    instant, passed, begun = device_formulas(cloth, real, math).instant, f.passed, f.begun
     before, strips, threads, next_one = make_before(THREADS), make_strips(THREADS), np.int32(THREADS), np.int64(1)
     one, zero, fields, row_size = np.int32(1), np.int32(0), np.int32(DUE_FIELDS), np.int32(EMITTER_FIELDS)
 
@@ -114,7 +114,7 @@ def _make_due(real: Any, math: str, parts: frozenset[str]) -> tuple[Any, ...]:
 
 def _make_emission(real: Any, math: str) -> tuple[Any, ...]:
     """Make `emit` and `arrive`."""
-    emitted, threads, axes = device_formulas(flow.make, real, math).emitted, np.int32(THREADS), np.int32(3)
+    emitted, threads, axes = device_formulas(flow, real, math).emitted, np.int32(THREADS), np.int32(3)
     one, zero, fields, row_size = np.int32(1), np.int32(0), np.int32(DUE_FIELDS), np.int32(EMITTER_FIELDS)
 
     @inlined("exact")
@@ -179,7 +179,7 @@ def _make_emission(real: Any, math: str) -> tuple[Any, ...]:
 
 
 def _make_sinks(real: Any) -> tuple[Any, ...]:
-    cell_of, f = device_formulas(grid.make, real, "exact").cell_of, device_formulas(flow.make, real, "exact")
+    cell_of, f = device_formulas(grid, real, "exact").cell_of, device_formulas(flow, real, "exact")
     in_box, in_sphere, behind, one = f.in_box, f.in_sphere, f.behind, np.int32(1)
     size, gone, zero = np.int32(SINK_FIELDS), np.int32(-1), np.int32(0)
 

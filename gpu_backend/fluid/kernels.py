@@ -52,7 +52,7 @@ def make_relax(real: Any, math: str, parts: frozenset[str]) -> Any:
 
     `first`: the multiplier was 0.
     """
-    formulas = device_formulas(density.make, real, math)
+    formulas = device_formulas(density, real, math)
     constraint, change, change_alone = formulas.constraint, formulas.change, formulas.change_alone
     alone, keeps, zero = "averaged" in parts, "drag" in parts, real(0)
 
@@ -77,7 +77,7 @@ def make_move(real: Any, math: str, parts: frozenset[str], repeats: frozenset[st
     `gradients`: of walls, three numbers per particle.
     """
     sums, collide = make_sums(real, math, parts, repeats), make_collide(real, math, parts)
-    formulas, sum_correction, row = device_formulas(density.make, real, math), sums.sum_correction, make_row(parts)
+    formulas, sum_correction, row = device_formulas(density, real, math), sums.sum_correction, make_row(parts)
     moved, weight_field = formulas.moved, np.int32(F_WEIGHT)
     has_walls, zero, axes = "walls" in parts, real(0), np.int32(WALL)
 

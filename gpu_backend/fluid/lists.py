@@ -61,7 +61,7 @@ def _make_scales_of() -> Any:
 @cache
 def make_offset(real: Any, math: str, repeats: frozenset[str]) -> Any:
     """Make offset(p, q, parameters) -> (dx, dy, dz): vector from q to p (quads) [m], the shortest along periodic axes."""
-    wrapped, inline = device_formulas(density.make, real, math).wrapped, inlined(math)
+    wrapped, inline = device_formulas(density, real, math).wrapped, inlined(math)
     along_x, along_y, along_z = "x" in repeats, "y" in repeats, "z" in repeats
 
     @inline
@@ -119,7 +119,7 @@ def _make_bits_within(real: Any, math: str, repeats: frozenset[str], solids: boo
     The bits mark which particles from e to before `end`, WORD at most, are neighbours of particle k at p, one bit each
     from particle `first` on. With `solids`, two samples of solids are no neighbours.
     """
-    formulas, offset = device_formulas(density.make, real, math), make_offset(real, math, repeats)
+    formulas, offset = device_formulas(density, real, math), make_offset(real, math, repeats)
     squared, within, inline = formulas.squared, formulas.within, inlined(math)
     word, all_bits, together = np.int32(WORD), np.uint32(0xFFFFFFFF), np.int32(TOGETHER)
     none, one, two, four, eight = (np.uint32(bit) for bit in (0, 1, 2, 4, 8))

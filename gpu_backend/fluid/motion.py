@@ -49,8 +49,8 @@ def make_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     from b, with predicted velocity u, to (x, y, z), after the colliders; the row of its fluid begins at `at`.
     `limited(vx, vy, vz, c, fluids, at, parameters)`: the velocity after drag and the speed limit.
     """
-    formulas, inline, collide = device_formulas(motion.make, real, math), inlined(math), make_collide(real, math, parts)
-    impacts = device_formulas(impact.make, real, math)
+    formulas, inline, collide = device_formulas(motion, real, math), inlined(math), make_collide(real, math, parts)
+    impacts = device_formulas(impact, real, math)
     velocity_of, limited_change, speed_of = formulas.velocity_of, formulas.limited_change, formulas.speed_of
     braked, slowed = formulas.braked, formulas.slowed
     is_limited, is_dragged, touches = "held-back" in parts, "drag" in parts, bool(parts & COLLIDERS)
@@ -104,7 +104,7 @@ def make_begin(real: Any, math: str, parts: frozenset[str], repeats: frozenset[s
     `bound`. `counts[SLOWED]`: how many particles the speed limit slowed.
     """
     axes = 2 if "flat" in parts else 3
-    formulas, store_box, clock = device_formulas(motion.make, real, math), make_box(real), make_clock(math, parts)
+    formulas, store_box, clock = device_formulas(motion, real, math), make_box(real), make_clock(math, parts)
     accelerated, buoyant, drifted = formulas.accelerated, formulas.buoyant, formulas.drifted
     speed_of, slowed, wrapped_offset = formulas.speed_of, formulas.slowed, formulas.wrapped_offset
     particle_force, row = make_particle_force(real, math, axes, parts), make_row(parts)

@@ -35,7 +35,7 @@ def make_smoothing(
 
 @cache
 def _make_shape(real: Any, math: str, parts: frozenset[str], repeats: frozenset[str]) -> Any:
-    formulas, sums = device_formulas(motion.make, real, math), device_formulas(density.make, real, math)
+    formulas, sums = device_formulas(motion, real, math), device_formulas(density, real, math)
     inline, pair = inlined(math), make_pair(real, math, repeats)
     slope, gradient_added, speed_of, curl_added = (
         sums.slope, sums.gradient_added, formulas.speed_of, formulas.curl_added,
@@ -81,8 +81,8 @@ def _make_shape(real: Any, math: str, parts: frozenset[str], repeats: frozenset[
 @cache
 def _make_pair_terms(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Make `add_forces` and `add_smooth`: the contribution of one neighbour."""
-    formulas, inline = device_formulas(motion.make, real, math), inlined(math)
-    near = device_formulas(density.make, real, math).near
+    formulas, inline = device_formulas(motion, real, math), inlined(math)
+    near = device_formulas(density, real, math).near
     smoothing_weight, smooth_added = formulas.smoothing_weight, formulas.smooth_added
     pull, pull_added, tension_added = formulas.pull, formulas.pull_added, formulas.tension_added
     has_cohesion, has_tension = "cohesion" in parts, "surface-tension" in parts
@@ -119,12 +119,12 @@ def _make_pair_terms(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
 @cache
 def _make_smooth(real: Any, math: str, parts: frozenset[str], repeats: frozenset[str], ends_there: bool) -> Any:
     formulas, terms, row = (
-        device_formulas(motion.make, real, math),
+        device_formulas(motion, real, math),
         _make_pair_terms(real, math, parts),
         make_row(parts),
     )
     pair, limited = make_pair(real, math, repeats), make_ends(real, math, parts).limited
-    slope, add_forces, add_smooth = device_formulas(density.make, real, math).slope, terms.add_forces, terms.add_smooth
+    slope, add_forces, add_smooth = device_formulas(density, real, math).slope, terms.add_forces, terms.add_smooth
     rise_added, confined, smoothed = formulas.rise_added, formulas.confined, formulas.smoothed
     speed_of, zero, is_dragged, extent = formulas.speed_of, real(0), "drag" in parts, make_extent(parts)
     has_viscosity, has_tension, has_curl = (part in parts for part in ("viscosity", "surface-tension", "vorticity"))

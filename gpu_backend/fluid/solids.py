@@ -35,8 +35,8 @@ def make_sampling(real: Any, math: str) -> SimpleNamespace:
     fluids, slots)`; `follow(slots, corners, weights, solid, position)`; `push(lightness, offsets, samples, weights,
     shift, solid)`.
     """
-    formulas, inline = device_formulas(solids.make, real, math), inlined(math)
-    middle, carried_on, moved = formulas.middle, formulas.carried_on, device_formulas(density.make, real, math).moved
+    formulas, inline = device_formulas(solids, real, math), inlined(math)
+    middle, carried_on, moved = formulas.middle, formulas.carried_on, device_formulas(density, real, math).moved
     zero, corners_each, axes = real(0), np.int32(CORNERS), np.int32(3)
 
     @inline
@@ -86,7 +86,7 @@ def make_sampling(real: Any, math: str) -> SimpleNamespace:
 def _make_solid_sums(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Make sums over the list of particle k at p (a quad): `sum_factor`, `sum_density`, `sum_correction`,
     `sum_friction`."""
-    f, s_ = device_formulas(density.make, real, math), device_formulas(solids.make, real, math)
+    f, s_ = device_formulas(density, real, math), device_formulas(solids, real, math)
     squared, apart, near, closeness, slope = f.squared, f.apart, f.near, f.closeness, f.slope
     inline = inlined(math)
     gradient_added, squares_added, crowded, correction_added = (
@@ -190,7 +190,7 @@ def make_solid_kernels(real: Any, math: str, parts: frozenset[str]) -> SimpleNam
 
 def _make_solid_densities(real: Any, math: str, parts: frozenset[str]) -> tuple[Any, Any]:
     variant = real, math, parts
-    factor_of, sums = device_formulas(density.make, real, math).factor, _make_solid_sums(*variant)
+    factor_of, sums = device_formulas(density, real, math).factor, _make_solid_sums(*variant)
     relax, row, wall_terms = make_relax(*variant), make_row(parts), make_wall_terms(*variant)
     sum_factor, sum_density, clock = sums.sum_factor, sums.sum_density, make_clock(math, parts)
     keeps, zero, weight_field = "drag" in parts, real(0), np.int32(F_WEIGHT)
@@ -239,7 +239,7 @@ def _make_solid_densities(real: Any, math: str, parts: frozenset[str]) -> tuple[
 
 def _make_solid_correction(real: Any, math: str, parts: frozenset[str]) -> Any:
     variant = real, math, parts
-    f, sums, row = device_formulas(density.make, real, math), _make_solid_sums(*variant), make_row(parts)
+    f, sums, row = device_formulas(density, real, math), _make_solid_sums(*variant), make_row(parts)
     sum_correction, sum_friction, wall_added, moved = sums.sum_correction, sums.sum_friction, f.wall_added, f.moved
     clock, collide = make_clock(math, parts), make_collide(*variant)
     has_walls, rubs, zero = "walls" in parts, "viscosity" in parts, real(0)

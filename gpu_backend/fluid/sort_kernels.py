@@ -71,8 +71,8 @@ def make_box(real: Any) -> Any:
 
 def _make_grid(real: Any, repeats: frozenset[str]) -> tuple[Any, ...]:
     """Make the kernels that compute the grid from a box."""
-    store_box, cells = make_box(real), device_formulas(grid.make, real, "exact")
-    cells_along, halved, fits = cells.cells_along, cells.halved, grid.make_fits(inlined("exact"))
+    store_box, cells = make_box(real), device_formulas(grid, real, "exact")
+    cells_along, halved, fits = cells.cells_along, cells.halved, cells.fits
     along_x, along_y, along_z = "x" in repeats, "y" in repeats, "z" in repeats
     zero, none, threads, one = real(0), real(np.inf), np.int32(THREADS), np.int32(1)
 
@@ -139,7 +139,7 @@ def _make_grid(real: Any, repeats: frozenset[str]) -> tuple[Any, ...]:
 
 def _make_sort(real: Any, flows: bool) -> tuple[Any, ...]:
     """Make the kernels that count, sum up, and fill."""
-    cell_of = device_formulas(grid.make, real, "exact").cell_of
+    cell_of = device_formulas(grid, real, "exact").cell_of
     before, strips = make_before(THREADS), make_strips(THREADS)
     zero, one = np.int32(0), np.int32(1)
     each, chunk, threads = np.int32(EACH), np.int32(CHUNK), np.int32(THREADS)

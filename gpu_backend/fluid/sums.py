@@ -99,7 +99,7 @@ def make_over_list(math: str, added: Any, begun: Any) -> Any:
 def make_pair(real: Any, math: str, repeats: frozenset[str]) -> Any:
     """Make pair(k, p, j, q, parameters) -> (dx, dy, dz, squared) of two particles, separated if they coincide."""
     formulas, inline, offset = (
-        device_formulas(density.make, real, math),
+        device_formulas(density, real, math),
         inlined(math),
         make_offset(real, math, repeats),
     )
@@ -117,7 +117,7 @@ def make_pair(real: Any, math: str, repeats: frozenset[str]) -> Any:
 def _make_added(real: Any, math: str, parts: frozenset[str], repeats: frozenset[str]) -> SimpleNamespace:
     """Make functions that add neighbour j at q to sums of particle k at p, for `make_over_list`."""
     f, inline, offset, row = (
-        device_formulas(density.make, real, math),
+        device_formulas(density, real, math),
         inlined(math),
         make_offset(real, math, repeats),
         make_row(parts),
@@ -170,7 +170,7 @@ def make_sums(real: Any, math: str, parts: frozenset[str], repeats: frozenset[st
     `factor_of(p, sums, wall, fluids, parameters)` of the other sums.
     """
     formulas, inline, added = (
-        device_formulas(density.make, real, math),
+        device_formulas(density, real, math),
         inlined(math),
         _make_added(real, math, parts, repeats),
     )

@@ -41,7 +41,7 @@ def make_walls(real: Any, math: str, parts: frozenset[str]) -> Any:
     It returns what all colliders that are walls contribute to the constraint of a particle at p (a quad), at the end of
     substep `step` (model/fluid/plan.py).
     """
-    sums, zero = device_formulas(density.make, real, math), real(0)
+    sums, zero = device_formulas(density, real, math), real(0)
     wall_density, wall_slope, wall_near, beyond = sums.wall_density, sums.wall_slope, sums.wall_near, sums.beyond
     joined_density, joined_gradient, inline = sums.joined_density, sums.joined_gradient, inlined(math)
 
@@ -71,9 +71,9 @@ def _make_each_wall(real: Any, math: str, parts: frozenset[str], visit: Any) -> 
     `surface`: (distance, nx, ny, nz) of a particle at p (a quad) from the collider whose row begins at `at`, at the end
     of substep `step`, the time `end`; `turns`: true if such colliders may turn.
     """
-    distances, inline = device_formulas(colliders.make, real, math), inlined(math)
+    distances, inline = device_formulas(colliders, real, math), inlined(math)
     plane, sphere, capsule, box = distances.plane, distances.sphere, distances.capsule, distances.box
-    instant, next_one = device_formulas(cloth.make, real, math).instant, np.int64(1)
+    instant, next_one = device_formulas(cloth, real, math).instant, np.int64(1)
     place_of = make_place_of(real, math)
     has_planes, has_spheres, has_capsules, has_boxes = (kind in parts for kind in ("plane", "sphere", "capsule", "box"))
     (mesh, field), has_meshes, has_fields = surfaces_of(real, math), "mesh_collider" in parts, "distance_field" in parts
@@ -129,7 +129,7 @@ def make_settled(real: Any, math: str, parts: frozenset[str]) -> Any:
     q, v, u: three numbers each, the position after the walls, the velocity, and that before corrections
     (model/formulas/fluid/impact.py).
     """
-    f, g = device_formulas(density.make, real, math), device_formulas(impact.make, real, math)
+    f, g = device_formulas(density, real, math), device_formulas(impact, real, math)
     beyond, wall_near, wall_density, wall_slope = f.beyond, f.wall_near, f.wall_density, f.wall_slope
     joined_density, rate, wall_push = f.joined_density, f.rate, g.wall_push
     rebound, without, surface_velocity = g.rebound, g.without, g.surface_velocity
@@ -165,7 +165,7 @@ def make_settled(real: Any, math: str, parts: frozenset[str]) -> Any:
 def surfaces_of(real: Any, math: str) -> tuple[Any, Any]:
     """Make (mesh, field)(p, bodies, at, time, parameters) -> (distance, nx, ny, nz) of a particle at p (a quad) from a
     collider made from a mesh, whose row begins at `at`."""
-    formulas, inline = device_formulas(surfaces.make, real, math), inlined(math)
+    formulas, inline = device_formulas(surfaces, real, math), inlined(math)
 
     def of(away: Any) -> Any:
         @inline

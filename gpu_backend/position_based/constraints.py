@@ -17,7 +17,7 @@ from softlab.model.contact.substep_parameters import (
     CONSTANTS,
     OF_SHEETS,
 )
-from softlab.model.formulas import distance
+from softlab.model.formulas import distance, lengths
 from softlab.model.position_based.plan import Family
 
 KINDS = ("structural", "shear", "bending")
@@ -46,10 +46,10 @@ def make_constants(math: str) -> Any:
 def make_change(real: Any, math: str, parts: frozenset[str], kind: str, axes: int) -> Any:
     """Make change(d, e, reciprocal, multiplier, rest, compliance, damping) -> (change, its scale) of one of a kind's
     constraints: d is the vector between its ends, e its change in this substep."""
-    formulas = device_formulas(distance.make, real, math)
+    formulas = device_formulas(distance, real, math)
     rigid, soft, damped = formulas.rigid_change, formulas.soft_change, formulas.damped_change
-    squared_2d, squared_3d = formulas.squared_length_2d, formulas.squared_length_3d
-    along_3d = formulas.along_3d
+    products = device_formulas(lengths, real, math)
+    squared_2d, squared_3d, along_3d = products.squared_length, products.squared_length_3d, products.dot
     has_compliance, has_damper = f"{kind}-compliance" in parts, f"{kind}-damping" in parts
     solid = axes == 3
 
@@ -74,7 +74,7 @@ def make_pair(real: Any, math: str, parts: frozenset[str], family: Family, colou
     kind = "stiff" if "alternating" in parts and family.kind == "structural" and colour else family.kind
     number = OF_SHEETS.index(kind)
     change_of = make_change(real, math, parts, family.kind, axes)
-    formulas = device_formulas(distance.make, real, math)
+    formulas = device_formulas(distance, real, math)
     moved, reciprocal_of = formulas.moved, formulas.reciprocal
     has_pins, has_load, solid = "pins" in parts, "load" in parts, axes == 3
     has_damper = f"{family.kind}-damping" in parts

@@ -25,7 +25,7 @@ from softlab.model.formulas import distance
 def _make_pulls(real: Any, math: str, parts: frozenset[str], axes: int) -> Any:
     """Make make_pull(kind, number) -> pull(other, odd, those), the displacement by one constraint of a kind; `odd`:
     true if it begins in an odd row or column."""
-    formulas = device_formulas(distance.make, real, math)
+    formulas = device_formulas(distance, real, math)
     reciprocal_of, scaled = formulas.reciprocal, formulas.scaled
     solid, alternates, zero = axes == 3, "alternating" in parts, real(0)
     soft = [kind for kind in KINDS if f"{kind}-compliance" in parts]
@@ -162,7 +162,7 @@ def make_gather(real: Any, math: str, parts: frozenset[str], axes: int) -> Simpl
       compliance;
     - `arrive(p, weight, sum, valence)` -> (x, y, z): the mass after the iteration.
     """
-    formulas = device_formulas(distance.make, real, math)
+    formulas = device_formulas(distance, real, math)
     weighted_valence, gathered, averaged = formulas.weighted_valence, formulas.gathered, formulas.averaged
     has_structural, has_shear, has_bending = "structural" in parts, "shear" in parts, "bending" in parts
     averages, solid = "averaged-jacobi" in parts, axes == 3

@@ -25,8 +25,8 @@ from softlab.model.formulas import cloth, distance, wind
 def make_vertex_wind(real: Any, math: str) -> Any:
     """Make wind_of(position, velocity, k, offsets, at_vertex, corners, parameters, air): the wind over the sheet's mass
     [m/s^2] on vertex k, the sum over its triangles in their order."""
-    triangle_wind = device_formulas(wind.make, real, math).triangle_wind
-    mean, inline = device_formulas(cloth.make, real, math).mean, inlined(math)
+    triangle_wind = device_formulas(wind, real, math).triangle_wind
+    mean, inline = device_formulas(cloth, real, math).mean, inlined(math)
     zero, three, one, two = real(0), np.int32(3), np.int32(1), np.int32(2)
 
     @inline
@@ -87,7 +87,7 @@ def make_mesh_begin(real: Any, math: str, parts: frozenset[str]) -> Any:
 @cache
 def make_slow(real: Any, math: str) -> Any:
     """Compile slow(velocity, rates, record): velocities after a substep of dampers of `rates` (particles,) [1/s]."""
-    slowed = device_formulas(distance.make, real, math).slowed
+    slowed = device_formulas(distance, real, math).slowed
 
     def slow(velocity, rates, record):
         k = np.int32(cuda.grid(1))  # type: ignore[call-arg]

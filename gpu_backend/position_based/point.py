@@ -15,7 +15,7 @@ from softlab.gpu_backend.core.forces import make_forces
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.quads import load_quad
 from softlab.gpu_backend.core.wind import make_wind
-from softlab.model.formulas import distance
+from softlab.model.formulas import distance, lengths
 
 
 @cache
@@ -51,8 +51,9 @@ def make_tethers(real: Any, math: str) -> Any:
     They are numbers `first` ... `first + count - 1` of the flat arrays of anchors (masses) and maximum distances [m].
     Anchors are pinned: any array of positions has them.
     """
-    formulas = device_formulas(distance.make, real, math)
-    tether, tethered, squared_length = formulas.tether, formulas.tethered, formulas.squared_length_3d
+    formulas = device_formulas(distance, real, math)
+    tether, tethered = formulas.tether, formulas.tethered
+    squared_length = device_formulas(lengths, real, math).squared_length_3d
     zero = real(0)
 
     @inlined(math)

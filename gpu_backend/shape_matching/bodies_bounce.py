@@ -27,9 +27,9 @@ def make_give(real: Any, math: str, self_contact: bool, many: bool, scaled: bool
     It writes the velocity changes by separating contacts into `impulses`; otherwise as `bounce` of
     contact/particles_bounce.py. `scaled`: impulses are multiplied by the smaller one of both particles' `scales`.
     """
-    formulas = device_formulas(particle_contact.make, real, math)
+    formulas = device_formulas(particle_contact, real, math)
     split, moved, impulse_of, add = formulas.split, formulas.moved, formulas.impulse, formulas.impulse_added
-    whole = device_formulas(rebound.make, real, math)
+    whole = device_formulas(rebound, real, math)
     factor_of, product, squared_impulse, wanted = whole.shared, whole.scaled, whole.squared, whole.wanted
     lack_of, zero, one, most = (
         make_lack(real, math, self_contact, many, True),
@@ -82,7 +82,7 @@ def make_bodies_bounce(real: Any, math: str) -> SimpleNamespace:
 
     `join` adds to velocities the motions of the bodies, or the impulse `impulses` for a particle without a body.
     """
-    formulas = device_formulas(rebound.make, real, math)
+    formulas = device_formulas(rebound, real, math)
     rigid, joined, zero, one = formulas.rigid, formulas.joined, real(0), np.int32(1)
     unit = real(1)
 

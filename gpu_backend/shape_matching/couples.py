@@ -31,8 +31,8 @@ def make_couples(real: Any, math: str, has_rigid: bool) -> SimpleNamespace:
     THREADS; `turn(position, couples, particle_starts, particle_clusters, particle_weights, spins)`: moves particles and
     zeroes their couples; with rigid bodies, `has_rigid`, its last argument is their `travel`.
     """
-    masses, formulas = device_formulas(pace.make, real, math), device_formulas(couple.make, real, math)
-    lane_sum, carried = make_lane_sum(real, math), device_formulas(rigid.make, real, math).carried
+    masses, formulas = device_formulas(pace, real, math), device_formulas(couple, real, math)
+    lane_sum, carried = make_lane_sum(real, math), device_formulas(rigid, real, math).carried
     weighted, added, spin, cross_added, gone = (
         masses.weighted,
         masses.added,

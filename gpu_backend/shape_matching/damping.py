@@ -29,7 +29,7 @@ SHARED = TOGETHER * MOMENTA * PITCH  # numbers per block
 def make_gather(real: Any, math: str) -> Any:
     """Compile gather(position, velocity, starts, firsts, indices, members, leans, motions): the rigid motions of all
     clusters, in blocks of THREADS. `motions`: three quads each, the centre, the velocity there, the spin."""
-    formulas, lane_sum = device_formulas(pace.make, real, math), make_lane_sum(real, math)
+    formulas, lane_sum = device_formulas(pace, real, math), make_lane_sum(real, math)
     weighted, added, cross_added, motion = formulas.weighted, formulas.added, formulas.cross_added, formulas.motion
     zero, one, lanes, momenta, pitch = real(0), np.int32(1), np.int32(LANES), np.int32(MOMENTA), np.int32(PITCH)
 
@@ -90,7 +90,7 @@ def make_gather(real: Any, math: str) -> Any:
 def make_slow(real: Any, math: str) -> Any:
     """Make slow_mass(p, v, k, particle_starts, particle_clusters, slowing, motions) -> (vx, vy, vz): particle k at p with
     velocity v."""
-    slowed, zero, one = device_formulas(pace.make, real, math).slowed, real(0), np.int32(1)
+    slowed, zero, one = device_formulas(pace, real, math).slowed, real(0), np.int32(1)
 
     @inlined(math)
     def slow_mass(p, v, k, particle_starts, particle_clusters, slowing, motions):

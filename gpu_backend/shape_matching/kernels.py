@@ -21,7 +21,7 @@ from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.integers import make_clock
 from softlab.gpu_backend.core.quads import AXES, ROWS, SIZE, load_quad, store_quad
 from softlab.gpu_backend.core.world import World
-from softlab.model.formulas import rotation
+from softlab.model.formulas import rotation as formulas_of_rotation
 from softlab.model.formulas.shape_matching import cluster
 from softlab.model.formulas.shape_matching.cluster import LANES, MOMENTS
 
@@ -34,7 +34,7 @@ SHARED = TOGETHER * MOMENTS * PITCH  # numbers per block
 @cache
 def make_lane_sum(real: Any, math: str) -> Any:
     """Make lane_sum(shared, k): the sum of the LANES numbers from index `k` on, in the fixed order of `cluster.total`."""
-    total = device_formulas(cluster.make, real, math).total
+    total = device_formulas(cluster, real, math).total
 
     @inlined(math)
     def lane_sum(shared, k):
@@ -56,7 +56,7 @@ def make_bodies_clusters(real: Any, math: str) -> SimpleNamespace:
     `new_rotation`, and their frames; `move(position, particle_starts, particle_clusters, particle_members, frames)`:
     particles, in place.
     """
-    formulas, turns = device_formulas(cluster.make, real, math), device_formulas(rotation.make, real, math)
+    formulas, turns = device_formulas(cluster, real, math), device_formulas(formulas_of_rotation, real, math)
     weighted, added, lane_sum = formulas.weighted, formulas.added, make_lane_sum(real, math)
     corrected, centre = formulas.corrected, formulas.centre
     rotation_3d, matrix_of = turns.rotation_3d, turns.matrix_of
@@ -127,7 +127,7 @@ def make_bodies_clusters(real: Any, math: str) -> SimpleNamespace:
 def make_move(real: Any, math: str, stores_displacement: bool = False) -> Any:
     """Make move_mass(p, k, particle_starts, particle_clusters, particle_members, frames) -> (x, y, z): particle k, at
     p, moved towards its goals; with `stores_displacement` only its displacement."""
-    formulas = device_formulas(cluster.make, real, math)
+    formulas = device_formulas(cluster, real, math)
     goal, displacement_added, arrived = formulas.goal, formulas.displacement_added, formulas.arrived
     zero, one = real(0), np.int32(1)
 

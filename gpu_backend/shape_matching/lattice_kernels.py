@@ -26,7 +26,7 @@ from softlab.model.assets.lattice import (
     V_SPACING,
     V_TURN,
 )
-from softlab.model.formulas import rotation
+from softlab.model.formulas import rotation as formulas_of_rotation
 from softlab.model.formulas.shape_matching import lattice
 
 THREADS = 128  # per block
@@ -51,7 +51,7 @@ def make_lattice_kernels(real: Any, math: str) -> SimpleNamespace:
 
 
 def _lines(real: Any, math: str) -> tuple[Any, ...]:
-    formulas = device_formulas(lattice.make, real, math)
+    formulas = device_formulas(lattice, real, math)
     lever, part_of, added_turn = formulas.lever, formulas.part_of, formulas.added_turn
     added_goal, moved, zero = formulas.added_goal, formulas.moved, real(0)
 
@@ -108,7 +108,7 @@ def _lines(real: Any, math: str) -> tuple[Any, ...]:
 
 
 def _moments(real: Any, math: str) -> tuple[Any, ...]:
-    formulas = device_formulas(lattice.make, real, math)
+    formulas = device_formulas(lattice, real, math)
     lever, part_of_row, added_turn = formulas.lever, formulas.part_of_row, formulas.added_turn
     shifted, zero, one = formulas.shifted, real(0), real(1)
 
@@ -184,7 +184,7 @@ def _moments(real: Any, math: str) -> tuple[Any, ...]:
 
 
 def _turn(real: Any, math: str) -> Any:
-    formulas, turns = device_formulas(lattice.make, real, math), device_formulas(rotation.make, real, math)
+    formulas, turns = device_formulas(lattice, real, math), device_formulas(formulas_of_rotation, real, math)
     centre, entry, rotation_3d, matrix_of = formulas.centre, formulas.entry, turns.rotation_3d, turns.matrix_of
     first = np.int32(V_TURN)
 
@@ -234,7 +234,7 @@ def _turn(real: Any, math: str) -> Any:
 
 
 def _goals(real: Any, math: str) -> tuple[Any, ...]:
-    formulas = device_formulas(lattice.make, real, math)
+    formulas = device_formulas(lattice, real, math)
     lever, added_goal, ended = formulas.lever, formulas.added_goal, formulas.ended
     zero, one = real(0), real(1)
 

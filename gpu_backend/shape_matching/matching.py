@@ -29,7 +29,7 @@ def make_matching(real: Any, math: str, region: int) -> SimpleNamespace:
     """Compile `match(position, clusters, row_table, column_table, rows, columns)` and `move(position, target, clusters,
     row_table, column_table, record, rows, columns)`, from `position` to `target` (quads); pinned masses, of weight 0,
     stay."""
-    formulas = device_formulas(shape_matching.make, real, math)
+    formulas = device_formulas(shape_matching, real, math)
     added_member, added_row, cluster = formulas.added_member, formulas.added_row, formulas.cluster
     rest_offset, added_goal, added_goal_row = formulas.rest_offset, formulas.added_goal, formulas.added_goal_row
     moved, inline, lattice = formulas.moved, inlined(math), make_place(math)

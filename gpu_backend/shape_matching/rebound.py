@@ -39,7 +39,7 @@ def make_rebound(real: Any, math: str, has_contacts: bool = False) -> SimpleName
     velocities after and, in it, before colliders. `limits` (clusters,): 0 of those that do not rebound as a whole.
     `has_contacts`: with the bound for bodies in contact.
     """
-    formulas, lane_sum = device_formulas(rebound.make, real, math), make_lane_sum(real, math)
+    formulas, lane_sum = device_formulas(rebound, real, math), make_lane_sum(real, math)
     weighed, rigid, enlarged = formulas.weighed, formulas.rigid, formulas.enlarged
     scaled, rebounded, touched, wanted, bound = (
         formulas.scaled, formulas.rebounded, formulas.touched, formulas.asked, formulas.bound

@@ -40,7 +40,7 @@ def make_begin(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
         motion.predict,
         motion.kick,
     )
-    travelled, zero = device_formulas(rigid.make, real, math).travelled, real(0)
+    travelled, zero = device_formulas(rigid, real, math).travelled, real(0)
     no_step = np.int64(0)  # no force on bodies depends on it
 
     @inlined(math)
@@ -81,10 +81,10 @@ def make_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     THREADS: stop each `whole` cluster (clusters,) none of whose particles has moved; `steady(position, velocity,
     particle_starts, particle_clusters, factors, motions)`: velocities from the bodies' motions.
     """
-    keeping, near = device_formulas(rigid.make, real, math), device_formulas(particle_contact.make, real, math)
+    keeping, near = device_formulas(rigid, real, math), device_formulas(particle_contact, real, math)
     settled, rate_over, carried = keeping.settled, keeping.rate_over, keeping.carried
     far, shortened, rested = near.far, near.shortened, near.rested
-    of_body, rate_of = device_formulas(rebound.make, real, math).rigid, make_motion(real, math, parts, AXES).rate_of
+    of_body, rate_of = device_formulas(rebound, real, math).rigid, make_motion(real, math, parts, AXES).rate_of
     goals, zero, one, lanes = make_move(real, math, True), real(0), np.int32(1), np.int32(LANES)
     has_pins, has_limit, has_sleeping = "pins" in parts, "speed-limit" in parts, "sleeping" in parts
 

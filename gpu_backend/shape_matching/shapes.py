@@ -16,7 +16,7 @@ from numba import cuda
 from softlab.gpu_backend.core.compile import kernel_options, make_kernel, variant_name
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.quads import ROWS, load_quad, store_quad
-from softlab.model.formulas import rotation
+from softlab.model.formulas import rotation as formulas_of_rotation
 from softlab.model.formulas.shape_matching import cluster, deformation
 from softlab.model.formulas.shape_matching.cluster import MOMENTS
 
@@ -26,8 +26,8 @@ def make_shaped_turn(real: Any, math: str, shaping: frozenset[str]) -> Any:
     """Compile turn(position, firsts, leans, sums, rotation, new_rotation, frames, shapes, plastic, bent), as kernels.turn,
     with strains from `plastic` into `bent`, which may be the same. `shaping`: which of `linear` and `plastic` there
     are."""
-    formulas, turns = device_formulas(cluster.make, real, math), device_formulas(rotation.make, real, math)
-    shapes_of = device_formulas(deformation.make, real, math)
+    formulas, turns = device_formulas(cluster, real, math), device_formulas(formulas_of_rotation, real, math)
+    shapes_of = device_formulas(deformation, real, math)
     corrected, centre = formulas.corrected, formulas.centre
     rotation_3d, matrix_of = turns.rotation_3d, turns.matrix_of
     moments_bent, gradient, undone, product = shapes_of.bent, shapes_of.gradient, shapes_of.undone, shapes_of.product

@@ -23,13 +23,13 @@ def make_meeting(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace
     """Make `add_contact(sums, b, p, holds, world, number)`: it adds the contribution of colliders to the sums of a vertex at
     `p`, which was at `b` at the start of substep `number` (quads). `has_bodies`: true if there are colliders."""
     inline, contact = inlined(math), make_contact(real, math, parts)
-    within, outer = contact.within, device_formulas(newton.make, real, math).outer
-    rub = device_formulas(friction.make, real, math)
+    within, outer = contact.within, device_formulas(newton, real, math).outer
+    rub = device_formulas(friction, real, math)
     unit, straight, slid, heading, sliding, rubbed = (
         rub.unit, rub.straight, rub.slid, rub.heading, rub.sliding, rub.rubbed,
     )  # fmt: skip
-    added, touch = device_formulas(descent.make_vertex, real, math).added, make_collide(real, math, parts)
-    scaled = device_formulas(solving.make, real, math).scaled
+    added, touch = device_formulas(descent, real, math).added, make_collide(real, math, parts)
+    scaled = device_formulas(solving, real, math).scaled
     zero, has_friction = real(0), "friction" in parts
 
     @inline
@@ -57,7 +57,7 @@ def make_meeting(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace
 @cache
 def make_carry(real: Any, math: str) -> SimpleNamespace:
     """Compile remember(position, earlier) and carry(position, earlier, inertial), one thread per particle."""
-    carried = device_formulas(descent.make_carried, real, math).carried
+    carried = device_formulas(descent, real, math).carried
 
     def remember(position, earlier):
         k = np.int32(cuda.grid(1))  # type: ignore[call-arg]

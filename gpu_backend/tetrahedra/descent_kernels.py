@@ -32,7 +32,7 @@ NOTHING: frozenset[str] = frozenset()
 def make_accelerate(real: Any, math: str) -> Any:
     """Compile accelerate(position, iterates, w): it extrapolates every particle after a sweep; `iterates`: quads of the
     positions after the last sweep, then after the one before it."""
-    beyond, zero = device_formulas(chebyshev.make, real, math).beyond, real(0)
+    beyond, zero = device_formulas(chebyshev, real, math).beyond, real(0)
 
     def accelerate(position, iterates, w):
         k, count = np.int32(cuda.grid(1)), np.int32(position.size // SIZE)  # type: ignore[call-arg]
@@ -60,7 +60,7 @@ def make_visits(real: Any, math: str, material: int, damped: bool, parts: frozen
     place, substeps, substep)`: for a colour; `spring_offsets` to `numbers`: of springs; `holds` (particles,) [N/m];
     both are read if `parts` has them. `count`: tetrahedra of the material.
     """
-    formulas = device_formulas(descent.make, real, math, material=material, damped=damped)
+    formulas = device_formulas(descent, real, math, material=material, damped=damped)
     element, initial_strain, added = formulas.element, formulas.initial_strain, formulas.added
     moved, coasted = formulas.moved, formulas.coasted
     pulled, sprung, inline, zero = make_pulled(real, math), bool(parts & PARTS), inlined(math), real(0)

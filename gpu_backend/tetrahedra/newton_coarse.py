@@ -30,7 +30,7 @@ assert max((TILE + 1) * ENTRIES, TEAMS * MODES * MOST, TEAMS * MODES * TEAM) <= 
 @cache
 def make_arm(real: Any, math: str) -> Any:
     """Make arm_of(k, group, v, coarse): the vector to particle k from the group's centre."""
-    arm = device_formulas(formulas_of.make, real, math).arm
+    arm = device_formulas(formulas_of, real, math).arm
 
     @inlined(math)
     def arm_of(k, group, v, coarse):
@@ -44,9 +44,9 @@ def make_arm(real: Any, math: str) -> Any:
 def make_coarse(real: Any, math: str) -> SimpleNamespace:
     """Make `centre(group, solver, shared)`, `restrict(group, solver, shared)`, for a team, and `corrected(k,
     solver)`: three numbers to add at particle k."""
-    inline, formulas = inlined(math), device_formulas(formulas_of.make, real, math)
+    inline, formulas = inlined(math), device_formulas(formulas_of, real, math)
     scale_of, arm, moment, motion = formulas.scale_of, formulas.arm, formulas.moment, formulas.motion
-    dot, arm_of, sums = device_formulas(solving.make, real, math).dot, make_arm(real, math), make_sums(real, math)
+    dot, arm_of, sums = device_formulas(solving, real, math).dot, make_arm(real, math), make_sums(real, math)
     synchronize_team, add_team, load_six = sums.synchronize_team, sums.add_team, make_block_access(math).load_six
     zero, one, next_one, none = real(0), real(1), np.int32(1), np.int32(0)
     team, modes = np.int32(TEAM), np.int32(MODES)
@@ -121,7 +121,7 @@ def make_coarse(real: Any, math: str) -> SimpleNamespace:
 @cache
 def make_couple(real: Any, math: str) -> Any:
     """Make couple(pair, solver, shared): for a block, the coupling of two groups by the matrix."""
-    inline, columns = inlined(math), device_formulas(formulas_of.make, real, math).columns
+    inline, columns = inlined(math), device_formulas(formulas_of, real, math).columns
     load_block, arm_of = make_block_access(math).load_block, make_arm(real, math)
     zero, next_one, none = real(0), np.int32(1), np.int32(0)
     modes, tile, entries = np.int32(MODES), np.int32(TILE), np.int32(ENTRIES)
@@ -169,8 +169,8 @@ def make_band(real: Any, math: str) -> SimpleNamespace:
     `factor`: for a block; 1 if the body's coarse matrix is not positive, else 0. `solve`: for a team; every entry is
     updated in the order of the CPU.
     """
-    inline, pivot = inlined(math), device_formulas(formulas_of.make, real, math).pivot
-    moved, times = device_formulas(newton.make, real, math).moved, device_formulas(solving.make, real, math).times
+    inline, pivot = inlined(math), device_formulas(formulas_of, real, math).pivot
+    moved, times = device_formulas(newton, real, math).moved, device_formulas(solving, real, math).times
     synchronize_team, zero, one = make_sums(real, math).synchronize_team, real(0), real(1)
     team, modes, next_one, none, capacity = (
         np.int32(TEAM),

@@ -23,9 +23,9 @@ def make_contact(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace
     ...)`: if there is none, that of its position a little later; `pressed(b, p, v, ...)`: its velocity including the
     push of colliders.
     """
-    inline, formulas = inlined(math), device_formulas(newton.make, real, math)
+    inline, formulas = inlined(math), device_formulas(newton, real, math)
     inertia_of, moved = formulas.inertia_of, formulas.moved
-    times = device_formulas(solving.make, real, math).times
+    times = device_formulas(solving, real, math).times
     touch, zero = make_collide(real, math, parts - {FRICTION_IN_PLACE}), real(0)
     contact, soon = real(newton.CONTACT), real(newton.SOON)
 

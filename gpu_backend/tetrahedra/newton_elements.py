@@ -72,7 +72,7 @@ def make_reading(real: Any, math: str) -> SimpleNamespace:
     """Make `rest_of(values, n, count, n)`, B of tetrahedron n of `count`, `deformed(n, position, corners, rest)`, F,
     and `changed(n, position, other, corners, rest)`, F minus that of the `other` positions, from differences."""
     inline, four = inlined(math), np.int32(4)
-    gradient = device_formulas(deformation.make_gradient, real, math).gradient
+    gradient = device_formulas(deformation, real, math).gradient
 
     def value_at(n: int) -> Any:
         return inline(lambda values, unused, count, t: values[np.uint32(np.int32(n * count) + t)])
@@ -110,7 +110,7 @@ def make_reading(real: Any, math: str) -> SimpleNamespace:
 @cache
 def make_damper(real: Any, math: str, parts: frozenset[str]) -> Any:
     """Make viscous(n, v, f, rest, number, corners, mu, lame): (D, N) of tetrahedron n, as on the CPU."""
-    inline, reading, formulas = inlined(math), make_reading(real, math), device_formulas(damper.make, real, math)
+    inline, reading, formulas = inlined(math), make_reading(real, math), device_formulas(damper, real, math)
     deformed, changed = reading.deformed, reading.changed
     increment, beyond, resisted = formulas.increment, formulas.beyond, formulas.resisted
     staged, two = STAGED in parts, np.int64(2)
@@ -139,16 +139,16 @@ def make_energies(real: Any, math: str, parts: frozenset[str]) -> Any:
     of the solve `number`.
     """
     inline, four, zero = inlined(math), np.int32(4), real(0)
-    at_corners = device_formulas(deformation.make_gradient, real, math).corners
+    at_corners = device_formulas(deformation, real, math).corners
     rotation, products = (
-        device_formulas(deformation.make_rotation, real, math),
-        device_formulas(solving.make, real, math),
+        device_formulas(deformation, real, math).rotation,
+        device_formulas(solving, real, math),
     )
-    stress, doubt = device_formulas(tangent.make, real, math).stress, device_formulas(newton.make, real, math).doubt
+    stress, doubt = device_formulas(tangent, real, math).stress, device_formulas(newton, real, math).doubt
     times, scaled, reading = products.times, products.scaled, make_reading(real, math)
     rest_of, deformed = reading.rest_of, reading.deformed
     viscous, damped, of_damper = (
-        make_damper(real, math, parts), DAMPED in parts, device_formulas(damper.make, real, math),
+        make_damper(real, math, parts), DAMPED in parts, device_formulas(damper, real, math),
     )  # fmt: skip
     stressed, moduli = of_damper.stressed, of_damper.scaled
 
@@ -189,17 +189,17 @@ def make_blocks(real: Any, math: str, parts: frozenset[str]) -> Any:
     """Make blocks(n, count, solver, rate, number, safe): the tangent of tetrahedron n of
     `count`, BLOCKS blocks, including dampers."""
     inline, every = inlined(math), np.int32(BLOCKS)
-    rotation, shape = device_formulas(deformation.make_rotation, real, math), device_formulas(tangent.make, real, math)
+    rotation, shape = device_formulas(deformation, real, math).rotation, device_formulas(tangent, real, math)
     frame, moduli, block, seen_in = shape.frame, shape.moduli, shape.block, shape.seen_in
     products, access, reading = (
-        device_formulas(solving.make, real, math),
+        device_formulas(solving, real, math),
         make_block_access(math),
         make_reading(real, math),
     )
     weighted, rest_of, deformed = products.weighted, reading.rest_of, reading.deformed
     store_block, transposed, added = access.store_block, access.transposed, access.added
     viscous, damped, of_damper = (
-        make_damper(real, math, parts), DAMPED in parts, device_formulas(damper.make, real, math),
+        make_damper(real, math, parts), DAMPED in parts, device_formulas(damper, real, math),
     )  # fmt: skip
     scaled, positive, squared, resisting = of_damper.scaled, of_damper.positive, of_damper.squared, of_damper.block
 

@@ -123,7 +123,7 @@ def make_newton(real: Any, math: str, parts: frozenset[str]) -> Any:
     views, dispatch, sum_up = _make_views(math), _make_dispatch(real, math, parts), _make_sum_up(real, math)
     vectors_of, rows_of, groups_of, pairs_of = views.vectors, views.rows, views.groups, views.pairs
     # always decided in exact math: the energy of a distant trial may be NaN, which fast math treats as a number
-    after, barrier = device_formulas(newton.make_control, real, "exact").after, make_barrier(math)
+    after, barrier = device_formulas(newton, real, "exact").after, make_barrier(math)
     has_time, zero, none, one, quick = knows_time(parts), real(0), np.int64(0), np.int32(1), math != "exact"
 
     def newton_steps(

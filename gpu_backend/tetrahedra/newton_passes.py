@@ -56,10 +56,10 @@ def make_substep_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleName
     contact, zero = make_contact(real, math, parts), real(0)
     has_bodies, pressed, inline = contact.has_bodies, contact.pressed, inlined(math)
     pins, slowed, is_slowed = (
-        make_driven(real, math, parts), device_formulas(distance.make, real, math).slowed, BODY_DAMPING in parts
+        make_driven(real, math, parts), device_formulas(distance, real, math).slowed, BODY_DAMPING in parts
     )  # fmt: skip
     moves, driven = pins.moves, pins.driven
-    ahead, staged, two = device_formulas(stages.make, real, math), STAGED in parts, np.int64(2)
+    ahead, staged, two = device_formulas(stages, real, math).ahead, STAGED in parts, np.int64(2)
     damped = DAMPED in parts
 
     @inline

@@ -23,7 +23,7 @@ def make_driven(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     quad), at the end of substep `number`: at rest there, unless it follows a motion. `moves`: true if any pin does."""
     inline, moves = inlined(math), MOTION in parts
     follow = make_pins(real, math, frozenset({MOTION})).follow
-    instant = device_formulas(cloth.make, real, math).instant
+    instant = device_formulas(cloth, real, math).instant
     zero, one, nowhere = real(0), np.int64(1), np.int32(0)
 
     @inline

@@ -24,7 +24,7 @@ from softlab.gpu_backend.tetrahedra.newton_coarse import make_arm
 from softlab.gpu_backend.tetrahedra.newton_elements import make_block_access
 from softlab.gpu_backend.tetrahedra.newton_sums import TEAM, make_quick_sums, make_sums
 from softlab.model.formulas.elastic import coarse as formulas_of
-from softlab.model.formulas.elastic import newton, solving
+from softlab.model.formulas.elastic import descent, newton, solving
 from softlab.model.formulas.elastic.newton import SOLVE
 from softlab.model.tetrahedra.aggregates import MODES, MOST
 from softlab.model.tetrahedra.newton import SUMMED
@@ -34,7 +34,7 @@ from softlab.model.tetrahedra.newton import SUMMED
 def make_residual(real: Any, math: str) -> Any:
     """Make residual_of(kind, k, particles, v, flip, alpha): the residual of particle k (three numbers), at a solve's
     start or after a step along the direction."""
-    moved, zero = device_formulas(newton.make, real, math).moved, real(0)
+    moved, zero = device_formulas(newton, real, math).moved, real(0)
 
     @inlined(math)
     def residual_of(kind, k, particles, v, flip, alpha):
@@ -62,10 +62,10 @@ def make_quick_groups(real: Any, math: str) -> SimpleNamespace:
     """Make `advance(kind, group, particles, solver, flip, alpha, shared)`, the residual of the group's
     particles and its restriction, and `correct(group, particles, solver, shared, parts)`, the
     preconditioned residual. `flip`: which of the two directions is the last one."""
-    inline, formulas = inlined(math), device_formulas(formulas_of.make, real, math)
+    inline, formulas = inlined(math), device_formulas(formulas_of, real, math)
     moment, motion = formulas.moment, formulas.motion
     products, residual_of, arm_of = (
-        device_formulas(solving.make, real, math),
+        device_formulas(solving, real, math),
         make_residual(real, math),
         make_arm(real, math),
     )
@@ -142,8 +142,8 @@ def make_quick_product(real: Any, math: str) -> Any:
     one."""
     inline, quick = inlined(math), make_quick_sums(real, math)
     of_four, of_block, load_block = quick.of_four, quick.of_block, make_block_access(math).load_block
-    products, moved = device_formulas(solving.make, real, math), device_formulas(newton.make, real, math).moved
-    applied, dot, zero, next_one = products.applied, products.dot, real(0), np.int32(1)
+    products, moved = device_formulas(solving, real, math), device_formulas(newton, real, math).moved
+    applied, dot, zero, next_one = device_formulas(descent, real, math).times, products.dot, real(0), np.int32(1)
     summed, four = np.int32(SUMMED), np.int32(4)
 
     @inline

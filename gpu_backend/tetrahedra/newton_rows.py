@@ -18,7 +18,7 @@ from softlab.gpu_backend.core.quads import load_quad, store_quad
 from softlab.gpu_backend.tetrahedra.newton_contact import make_contact
 from softlab.gpu_backend.tetrahedra.newton_elements import make_block_access
 from softlab.gpu_backend.tetrahedra.springs import make_pulled
-from softlab.model.formulas.elastic import newton, solving
+from softlab.model.formulas.elastic import descent, newton, solving
 from softlab.model.formulas.elastic.newton import AHEAD, CORRECT, DIRECTION, MOVE, PRODUCT, RETURN, SOLVE, UPDATE
 from softlab.model.tetrahedra.springs import PARTS
 
@@ -31,9 +31,9 @@ def make_rows(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     vector)`: a row's product; `settle_row(k, particles, solver, world, number)`: the row's diagonal and its
     inverse: 1 if that is not positive, else 0.
     """
-    inline, formulas = inlined(math), device_formulas(newton.make, real, math)
-    products = device_formulas(solving.make, real, math)
-    inertia_of, inverse, outer, applied = formulas.inertia_of, formulas.inverse, formulas.outer, products.applied
+    inline, formulas = inlined(math), device_formulas(newton, real, math)
+    inertia_of, inverse, outer = formulas.inertia_of, formulas.inverse, formulas.outer
+    applied = device_formulas(descent, real, math).times
     access, contact = make_block_access(math), make_contact(real, math, parts)
     load_block, store_block, transposed, added = access.load_block, access.store_block, access.transposed, access.added
     has_bodies, nearly_within = contact.has_bodies, contact.nearly_within
@@ -95,8 +95,8 @@ def make_rows(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
 def make_solving(real: Any, math: str, apply: Any) -> Any:
     """Make solving(kind, k, particles, solver, added, alpha, beta): particle k's summand in that pass of
     conjugate gradients; `added`: the coarse level's correction of the residual there."""
-    inline, moved = inlined(math), device_formulas(newton.make, real, math).moved
-    products, zero = device_formulas(solving.make, real, math), real(0)
+    inline, moved = inlined(math), device_formulas(newton, real, math).moved
+    products, zero = device_formulas(solving, real, math), real(0)
     preconditioned, dot, load_six = products.preconditioned, products.dot, make_block_access(math).load_six
 
     @inline
@@ -135,8 +135,8 @@ def make_solving(real: Any, math: str, apply: Any) -> Any:
 def make_moving(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Make `weigh(k, solver, world, number)`, the potential's gradient at particle k and its energy without
     tetrahedra, and `move(kind, k, v, fraction)`, the passes that only move it, with its summand in MOVE."""
-    inline, formulas = inlined(math), device_formulas(newton.make, real, math)
-    products = device_formulas(solving.make, real, math)
+    inline, formulas = inlined(math), device_formulas(newton, real, math)
+    products = device_formulas(solving, real, math)
     inertia_of, inertial_energy, moved = formulas.inertia_of, formulas.inertial_energy, formulas.moved
     scaled, dot, contact = products.scaled, products.dot, make_contact(real, math, parts)
     has_bodies, within, zero, next_one = contact.has_bodies, contact.within, real(0), np.int32(1)

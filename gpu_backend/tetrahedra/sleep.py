@@ -24,7 +24,7 @@ def make_sleep(real: Any, math: str) -> SimpleNamespace:
 
     `slow` (particles,) int32; `earlier`: velocities at the end of the last substep.
     """
-    is_slow = device_formulas(sleep.make, real, math).is_slow
+    is_slow = device_formulas(sleep, real, math).is_slow
     zero, next_one = real(0), np.int32(1)
 
     def find_slow(velocity, earlier, slow, speed, record):

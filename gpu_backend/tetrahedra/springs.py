@@ -23,7 +23,7 @@ def make_pulled(real: Any, math: str) -> Any:
 
     It returns the derivative (three numbers), the diagonal of the block, and the energy that particle k counts.
     """
-    pull, zero, inline = device_formulas(spring.make, real, math).pull, real(0), inlined(math)
+    pull, zero, inline = device_formulas(spring, real, math).pull, real(0), inlined(math)
     one, four, seven = np.int32(1), np.int32(4), np.int32(7)
     wide, long = np.int32(spring.CORNERS), np.int32(spring.COUNT)
 

@@ -14,7 +14,7 @@ from softlab.gpu_backend.core.compile import make_kernels, variant_name
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
 from softlab.gpu_backend.core.substeps import SubstepSimulation
-from softlab.model.formulas.elastic.descent import make_carried
+from softlab.model.formulas.elastic import descent
 
 THREADS = 128
 
@@ -27,7 +27,7 @@ def make_transfers(real: Any) -> SimpleNamespace:
     first, quads)`: the reverse, for particles with a weight; a quad keeps its fourth number; `carry(..., quads,
     inertial)`: as `give`, and adds their displacements to `inertial` before.
     """
-    zero, carried = real(0), device_formulas(make_carried, real, "exact").carried
+    zero, carried = real(0), device_formulas(descent, real, "exact").carried
 
     def take(quads, particles, first, rows):
         k = np.int64(cuda.grid(1))  # type: ignore[call-arg]

@@ -3,7 +3,7 @@
 from collections import namedtuple
 from functools import cache
 
-from softlab.model.formulas import plain
+from softlab.model.base.variant import plain
 
 
 def tuple_of(count, item, compiled=plain):

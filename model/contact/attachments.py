@@ -54,7 +54,7 @@ def attachment_projections(parts: frozenset[str], iterated: bool, constants: tup
     """Return the projections of attachments in a scene of such parts."""
     return [
         Projection(
-            f"{KIND}_{model}", formula.make, corners, formula.COUNTS[corners], formula.MULTIPLIERS, soft=iterated,
+            f"{KIND}_{model}", formula, corners, formula.COUNTS[corners], formula.MULTIPLIERS, soft=iterated,
             constants=constants, flags=(("corners", corners),),
         )
         for model, corners in CORNERS.items() if part_of(model) in parts

@@ -12,12 +12,14 @@ import numpy as np
 
 from softlab.model.base.clock import START, Clock
 from softlab.model.base.errors import SceneError
+from softlab.model.base.variant import plain_formulas
 from softlab.model.core.build import Body
 from softlab.model.core.integrators import damping_rate
 from softlab.model.core.own_forces import force_fields, force_names, force_values
 from softlab.model.core.parameters import PARAMETERS as GRID_PARAMETERS
 from softlab.model.core.parameters import require_representable, rounded_record
-from softlab.model.formulas import cloth, motion
+from softlab.model.formulas import cloth as formulas_of_cloth
+from softlab.model.formulas import motion
 from softlab.model.geometry.arithmetic.ordered import norm
 from softlab.model.scene.scene import Scene
 from softlab.model.tables.cloth import COLLIDER_KINDS, SURFACE_KINDS
@@ -262,7 +264,7 @@ def pin_velocity(bodies: np.ndarray, first: int, pins: int, step: int, record: n
     velocities of pins before they write them.
     """
     real = bodies.dtype.type
-    formulas, instant = motion.make(real), cloth.make(real).instant
+    formulas, instant = plain_formulas(motion, real), plain_formulas(formulas_of_cloth, real).instant
     clock = record[0]
     time = instant(step, clock.dt, clock.first_step, clock.first_time)
     rows = bodies[first : first + pins * PIN_FIELDS].reshape(pins, PIN_FIELDS)

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from softlab.model.base.variant import plain_formulas
 from softlab.model.contact.cloth_parameters import B_RADIUS, B_THICKNESS, B_U, B_W, B_X, B_Z, collider_rows
 from softlab.model.core.build import build
 from softlab.model.formulas import colliders, distance_field, triangle_tree
@@ -21,9 +22,9 @@ def _distance(formulas: Any, kind: str, row: np.ndarray, numbers: np.ndarray | N
     """Return the distance [m] from a point at `d` [m] from the collider's reference point to its surface; `numbers`: of
     a tree or a field."""
     if kind == "mesh_collider":
-        return sqrt(triangle_tree.make(float).nearest(numbers, 0, *d.tolist(), inf)[0])
+        return sqrt(plain_formulas(triangle_tree, float).nearest(numbers, 0, *d.tolist(), inf)[0])
     if kind == "distance_field":
-        return float(distance_field.make(float).sample(numbers, 0, *d.tolist())[0])
+        return float(plain_formulas(distance_field, float).sample(numbers, 0, *d.tolist())[0])
     sizes: list[float] = [] if kind == "sphere" else row[B_U : B_W + 1].tolist()
     if kind in ("sphere", "capsule"):
         sizes.append(float(row[B_RADIUS]))
@@ -47,7 +48,7 @@ def overlap_lines(scene: Scene) -> list[str]:
     if scene.dimensions == 2:  # of a fluid
         free = np.pad(free, ((0, 0), (0, 1)))
     some = free[:: -(-len(free) // MAX_ASKED) or 1]
-    formulas, lines = colliders.make(float), []
+    formulas, lines = plain_formulas(colliders, float), []
     for (kind, collider), row in zip(scene.colliders, collider_rows(scene, np.float64), strict=True):
         numbers = collider.numbers(float) if isinstance(collider, SurfaceCollider) else None
         shape = formulas, kind, row, numbers

@@ -2,7 +2,7 @@
 three.
 
 A new one is an entry of PARTICLE_FORCES: every plan gets its part and stage from it, and every record its constants. Kernels
-call `own` of `make_particle_forces` and do not depend on which forces there are, separate or fused, on threads or on CUDA.
+call the formula `accelerated` and do not depend on which forces there are, separate or fused, on threads or on CUDA.
 """
 
 from __future__ import annotations
@@ -13,33 +13,34 @@ from typing import Any
 
 import numpy as np
 
+from softlab.model.base.variant import FEATURE, Open, filled, formula
 from softlab.model.core.plan import Plan
-from softlab.model.formulas import distance, random
+from softlab.model.formulas.distance import added
+from softlab.model.formulas.random import OPERATIONS, add_external, philox
 from softlab.model.scene.scene import Scene
 
 # indices into the integers that kernels read; POKED: 1 + the particle, 0 for none; FIRST: window's first particle
 # (grids)
 EXTERNAL_SEED, POKED, FIRST = 0, 1, 2
 WINDOW = "window"  # the part of a plan whose particles are not numbered from the sheet's first
-FormulasOf = Callable[[Callable[..., Any]], Any]  # a backend's version of a factory of formulas
 
 
 @dataclass(frozen=True)
 class OwnForce:
     """A force on one particle.
 
-    `part`: of the plan, present where `present(scene, live)`; `stage`: its name. `make(real, compiled, made, axes)` ->
-    force(k, parameters, integers, step): its acceleration of particle k [m/s^2], a tuple of `axes` numbers, for the
-    sheet's mass. `names`: names of its constants in the kernels; `values(scene, poke, axes)`: these in float64, `poke`
-    the applied force [N]; `field`: the scene's field that they follow from. `traffic`: numbers per mass and axis that
-    its stage reads and writes; `operations`: per mass. `changes`: True if it depends on the step number, so that
-    velocity Verlet's two adjacent kicks each need their own.
+    `part`: of the plan, present where `present(scene, live)`; `stage`: its name. `force(k, parameters, integers, step)`: a
+    formula, its acceleration of particle k [m/s^2], a tuple of FEATURE.axes numbers, for the sheet's mass. `names`: names
+    of its constants in the kernels; `values(scene, poke, axes)`: these in float64, `poke` the applied force [N]; `field`:
+    the scene's field that they follow from. `traffic`: numbers per mass and axis that its stage reads and writes;
+    `operations`: per mass. `changes`: True if it depends on the step number, so that velocity Verlet's two adjacent kicks
+    each need their own.
     """
 
     part: str
     stage: str
     present: Callable[[Scene, frozenset[str]], bool]
-    make: Callable[[Any, Any, FormulasOf, int], Any]
+    force: Callable[..., Any]
     names: tuple[str, ...]
     values: Callable[[Scene, Sequence[float], int], dict[str, float]]
     field: str
@@ -48,34 +49,24 @@ class OwnForce:
     changes: bool = False
 
 
-def _external(real: Any, compiled: Any, formulas_of: FormulasOf, axes: int) -> Any:
-    """Make the random force: uniform in (-1, 1) per axis times the magnitude; see model/formulas/random.py."""
-    philox, external, zero = random.make_philox(compiled), formulas_of(random.make).add_external, real(0)
-
-    @compiled
-    def force(k, parameters, integers, step):
-        words, most = philox(integers[EXTERNAL_SEED], np.uint64(step), np.uint64(k)), parameters.external
-        x, y = external(zero, most, words[0]), external(zero, most, words[1])
-        if axes == 2:
-            return x, y
-        return x, y, external(zero, most, words[2])
-
-    return force
+@formula
+def external(k, parameters, integers, step):
+    """The random force: uniform in (-1, 1) per axis times the magnitude; see model/formulas/random.py."""
+    words, most = philox(integers[EXTERNAL_SEED], np.uint64(step), np.uint64(k)), parameters.external
+    x, y = add_external(0.0, most, words[0]), add_external(0.0, most, words[1])
+    if FEATURE.axes == 2:
+        return x, y
+    return x, y, add_external(0.0, most, words[2])
 
 
-def _poke(real: Any, compiled: Any, formulas_of: FormulasOf, axes: int) -> Any:
-    """Make the force that acts on one particle until it is released."""
-    zero = real(0)
-
-    @compiled
-    def force(k, parameters, integers, step):
-        poked = np.int64(integers[POKED]) == k + 1  # explicit int64: mixed integer kinds would be converted to doubles
-        x, y = parameters.poke_x if poked else zero, parameters.poke_y if poked else zero
-        if axes == 2:
-            return x, y
-        return x, y, parameters.poke_z if poked else zero
-
-    return force
+@formula
+def poke(k, parameters, integers, step):
+    """The force that acts on one particle until it is released."""
+    poked = np.int64(integers[POKED]) == k + 1  # explicit int64: mixed integer kinds would be converted to doubles
+    x, y = parameters.poke_x if poked else 0.0, parameters.poke_y if poked else 0.0
+    if FEATURE.axes == 2:
+        return x, y
+    return x, y, parameters.poke_z if poked else 0.0
 
 
 def _external_values(scene: Scene, poke: Sequence[float], axes: int) -> dict[str, float]:
@@ -91,16 +82,16 @@ PARTICLE_FORCES = (
         "external",
         "external force",
         lambda scene, live: scene.external is not None and scene.external.magnitude > 0,
-        _external,
+        external,
         ("external",),
         _external_values,
         "external.magnitude",
-        operations=random.OPERATIONS,
+        operations=OPERATIONS,
         traffic=1,
         changes=True,
     ),
     OwnForce(
-        "poke", "poke", lambda scene, live: "poke" in live, _poke, ("poke_x", "poke_y", "poke_z"), _poke_values, "poke"
+        "poke", "poke", lambda scene, live: "poke" in live, poke, ("poke_x", "poke_y", "poke_z"), _poke_values, "poke"
     ),
 )
 
@@ -138,51 +129,51 @@ def particle_forces_change(parts: frozenset[str]) -> bool:
     return any(force.changes for force in particle_forces(parts))
 
 
-def make_add(compiled: Any, formulas_of: FormulasOf, axes: int, parts: frozenset[str]) -> Any:
-    """Make add(a, weight, f) -> the sum of the acceleration `a` and `f` [m/s^2] (`axes` numbers each).
-
-    f is multiplied by the `weight` where the scene has a `load`.
-    """
-    added, has_load = formulas_of(distance.make).added, "load" in parts
-
-    @compiled
-    def add(a, weight, f):
-        if axes == 2:
-            if has_load:
-                return added(a[0], weight, f[0]), added(a[1], weight, f[1])
-            return a[0] + f[0], a[1] + f[1]
-        if has_load:
-            return added(a[0], weight, f[0]), added(a[1], weight, f[1]), added(a[2], weight, f[2])
-        return a[0] + f[0], a[1] + f[1], a[2] + f[2]
-
-    return add
+@formula
+def add(a, weight, f):
+    """The sum of the acceleration `a` and `f` [m/s^2], which is multiplied by the `weight` where the scene has a `load`."""
+    if FEATURE.axes == 2:
+        if FEATURE.load:
+            return added(a[0], weight, f[0]), added(a[1], weight, f[1])
+        return a[0] + f[0], a[1] + f[1]
+    if FEATURE.load:
+        return added(a[0], weight, f[0]), added(a[1], weight, f[1]), added(a[2], weight, f[2])
+    return a[0] + f[0], a[1] + f[1], a[2] + f[2]
 
 
-def make_particle_forces(real: Any, compiled: Any, formulas_of: FormulasOf, axes: int, parts: frozenset[str]) -> Any:
-    """Make accelerate(a, k, weight, parameters, integers, step) -> the acceleration `a` of particle k plus these forces.
-
-    `a`: `axes` numbers [m/s^2]. `weight`: the sheet's mass over the particle's, where the scene has a `load`.
-    `compiled`: decorates device functions; `formulas_of(factory)`: a backend's formulas.
-    """
-    add = make_add(compiled, formulas_of, axes, parts)
-
-    @compiled
-    def accelerate(a, k, weight, parameters, integers, step):
-        return a
-
-    for force in particle_forces(parts):
-        accelerate = _then(accelerate, force.make(real, compiled, formulas_of, axes), add, compiled)
-    return _counted_in_sheet(accelerate, compiled) if WINDOW in parts else accelerate
+before = Open("before(a, k, weight, parameters, integers, step): the acceleration by the forces before this one")
+force = Open("force(k, parameters, integers, step): of an OwnForce")
 
 
-def _counted_in_sheet(accelerate: Any, compiled: Any) -> Any:
-    """Make `accelerate` for particles that are numbered in a window."""
+@formula
+def unforced(a, k, weight, parameters, integers, step):
+    return a
 
-    @compiled
-    def accelerate_in_window(a, k, weight, parameters, integers, step):
-        return accelerate(a, np.int64(k) + np.int64(integers[FIRST]), weight, parameters, integers, step)
 
-    return accelerate_in_window
+@formula
+def with_force(a, k, weight, parameters, integers, step):
+    return add(before(a, k, weight, parameters, integers, step), weight, force(k, parameters, integers, step))
+
+
+@formula
+def in_sheet(a, k, weight, parameters, integers, step):
+    """For particles that are numbered in a window."""
+    return before(a, np.int64(k) + np.int64(integers[FIRST]), weight, parameters, integers, step)
+
+
+def accelerated(parts: frozenset[str]) -> Any:
+    """Return the formula (a, k, weight, parameters, integers, step) -> the acceleration `a` of particle k plus these
+    forces. `a`: FEATURE.axes numbers [m/s^2]; `weight`: the sheet's mass over the particle's, where the scene has a
+    `load`."""
+    result: Any = unforced
+    for each in particle_forces(parts):
+        result = filled(with_force, before=result, force=each.force)
+    return filled(in_sheet, before=result) if WINDOW in parts else result
+
+
+def force_flags(axes: int, parts: frozenset[str]) -> dict[str, Any]:
+    """Return the features of the formulas above."""
+    return {"axes": axes, "load": "load" in parts}
 
 
 def in_window(plan: Plan, first_particle: int | None) -> Plan:
@@ -193,11 +184,3 @@ def in_window(plan: Plan, first_particle: int | None) -> Plan:
     if first_particle is None or not particle_forces(plan.parts):
         return plan
     return replace(plan, parts=plan.parts | {WINDOW})
-
-
-def _then(before: Any, force: Any, add: Any, compiled: Any) -> Any:
-    @compiled
-    def accelerate(a, k, weight, parameters, integers, step):
-        return add(before(a, k, weight, parameters, integers, step), weight, force(k, parameters, integers, step))
-
-    return accelerate

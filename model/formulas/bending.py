@@ -22,138 +22,121 @@ appendix A) divides by the sine and is undefined at 0 and 180 degrees.
 from __future__ import annotations
 
 from math import sqrt
-from types import SimpleNamespace
 
 import numpy as np
 
-from softlab.model.formulas import joined, plain
-from softlab.model.formulas.lengths import make as make_lengths
+from softlab.model.base.variant import OfPrecision, formula
+from softlab.model.formulas.lengths import cross, dot, inverse_length, squared_length_3d
 
 OPERATIONS_ISOMETRIC = 75  # 21 for the vector, 10 for its length, 12 for the change, 9 for the weight, 24 to apply
 OPERATIONS_DIHEDRAL = 170
 
 
-def make(real, compiled=plain):
-    """Make the functions that both hinges and other constraints with one coefficient per corner use, in the arithmetic
-    `real`."""
-
-    @compiled
-    def softness(compliance, area):
-        """Compliance of the hinge (dimensionless). `compliance`: m / (B h^2) [1/m^2]; `area`: (A_c + A_d) / 3 [m^2]."""
-        return compliance * area
-
-    @compiled
-    def shifted(position, weight, coefficient, change):
-        """Position of a corner after the change, one axis."""
-        return position + weight * (coefficient * change)
-
-    @compiled
-    def shift(point, weight, gx, gy, gz, change):
-        """Position of a corner after the change along its gradient, all axes."""
-        x, y, z = point
-        return shifted(x, weight, gx, change), shifted(y, weight, gy, change), shifted(z, weight, gz, change)
-
-    return SimpleNamespace(softness=softness, shifted=shifted, shift=shift)
+NORMAL = OfPrecision(lambda real: 4 * np.finfo(real).tiny)
 
 
-def make_isometric(real, compiled=plain):
-    """Make the functions of the isometric hinge and those of `make`, in the arithmetic `real`."""
-    one, normal = real(1), real(4 * np.finfo(real).tiny)
-    lengths = make_lengths(real, compiled)
-    squared_length, inverse_length = lengths.squared_length_3d, lengths.inverse_length
-
-    @compiled
-    def curvature(kb, kc, kd, e, f, g):
-        """k [m], one axis. e, f, g: b - a, c - a and d - a; a itself cancels, since the entries of K sum to 0."""
-        return (kb * e + kc * f) + kd * g
-
-    @compiled
-    def square_sum(wa, wb, wc, wd, ka, kb, kc, kd):
-        """Sum over the corners of weight times coefficient squared."""
-        return (wa * (ka * ka) + wb * (kb * kb)) + (wc * (kc * kc) + wd * (kd * kd))
-
-    @compiled
-    def shortening(x, y, z, rest):
-        """Factor that shortens k = (x, y, z) [m] by `rest` [m]. It is 1 where the square of k is below the normal
-        numbers, for which `fast` math has no root."""
-        squared = squared_length(x, y, z)
-        return one - rest * inverse_length(squared) if squared > normal else one
-
-    @compiled
-    def isometric_change(part, k, reciprocal, compliance, multiplier):
-        """Change of the multiplier [m], one axis."""
-        return (-(part * k) - compliance * multiplier) * reciprocal
-
-    functions = SimpleNamespace(
-        curvature=curvature, square_sum=square_sum, shortening=shortening, isometric_change=isometric_change
-    )  # fmt: skip
-    return joined(make(real, compiled), functions)
+@formula
+def softness(compliance, area):
+    """Compliance of the hinge (dimensionless). `compliance`: m / (B h^2) [1/m^2]; `area`: (A_c + A_d) / 3 [m^2]."""
+    return compliance * area
 
 
-def make_dihedral(real, compiled=plain):
-    """Make the functions of the dihedral hinge and those of `make`, in the arithmetic `real`."""
-    zero, half, one, four = real(0), real(0.5), real(1), real(4)
-    lengths = make_lengths(real, compiled)
-    inverse_length, dot, cross = lengths.inverse_length, lengths.dot, lengths.cross
+@formula
+def shifted(position, weight, coefficient, change):
+    """Position of a corner after the change, one axis."""
+    return position + weight * (coefficient * change)
 
-    @compiled
-    def quarter_tangent(sine, cosine):
-        """tan(theta/4) in [-1, 1]. The larger of the half angle's sine and cosine comes from a root, the other one from
-        a division, so that neither loses digits."""
-        if cosine >= zero:
-            adjacent = sqrt(half * (one + cosine))
-            opposite = half * sine / adjacent
-        else:
-            opposite = sqrt(half * (one - cosine))
-            adjacent = half * abs(sine) / opposite
-            if sine < zero:
-                opposite = -opposite
-        return opposite / (one + adjacent)
 
-    @compiled
-    def hinge(ex, ey, ez, fx, fy, fz, gx, gy, gz):
-        """(tan(theta/4), gradients of theta [1/m] by c (3) and by d (3), positions of c and of d along the edge (2)).
+@formula
+def shift(point, weight, gx, gy, gz, change):
+    """Position of a corner after the change along its gradient, all axes."""
+    x, y, z = point
+    return shifted(x, weight, gx, change), shifted(y, weight, gy, change), shifted(z, weight, gz, change)
 
-        e, f, g: b - a, c - a, d - a. All are 0 where a triangle has no area. theta > 0: the wings approach each other
-        on the side of the normals.
-        """
-        nx, ny, nz = cross(ex, ey, ez, fx, fy, fz)
-        mx, my, mz = cross(gx, gy, gz, ex, ey, ez)
-        nn, mm, ee = dot(nx, ny, nz, nx, ny, nz), dot(mx, my, mz, mx, my, mz), dot(ex, ey, ez, ex, ey, ez)
-        if not (nn > zero and mm > zero):
-            return zero, zero, zero, zero, zero, zero, zero, zero, zero
-        edge = ee * inverse_length(ee)
-        over_n, over_m = inverse_length(nn), inverse_length(mm)
-        cosine = dot(nx, ny, nz, mx, my, mz) * over_n * over_m
-        sine = dot(gx, gy, gz, nx, ny, nz) * edge * over_n * over_m
-        t = quarter_tangent(sine, cosine)
-        u, v = edge * over_n * over_n, edge * over_m * over_m
-        along_c, along_d = dot(fx, fy, fz, ex, ey, ez) / ee, dot(gx, gy, gz, ex, ey, ez) / ee
-        return t, u * nx, u * ny, u * nz, v * mx, v * my, v * mz, along_c, along_d
 
-    @compiled
-    def by_ends(along_c, along_d, uc, ud):
-        """Gradients by a and by b, one axis, from those by c and d."""
-        return -((one - along_c) * uc) - (one - along_d) * ud, -(along_c * uc) - along_d * ud
+@formula
+def curvature(kb, kc, kd, e, f, g):
+    """k [m], one axis. e, f, g: b - a, c - a and d - a; a itself cancels, since the entries of K sum to 0."""
+    return (kb * e + kc * f) + kd * g
 
-    @compiled
-    def steepness(edge, t):
-        """Derivative [m] of the constraint by theta. `edge`: the edge's length at rest."""
-        return edge * (one + t * t)
 
-    @compiled
-    def gradient_sum(steep, wa, wb, wc, wd, aa, bb, cc, dd):
-        """Sum of weight times gradient squared. `aa`, `bb`, `cc`, `dd`: squared gradients of theta by each corner."""
-        return steep * steep * ((wa * aa + wb * bb) + (wc * cc + wd * dd))
+@formula
+def square_sum(wa, wb, wc, wd, ka, kb, kc, kd):
+    """Sum over the corners of weight times coefficient squared."""
+    return (wa * (ka * ka) + wb * (kb * kb)) + (wc * (kc * kc) + wd * (kd * kd))
 
-    @compiled
-    def dihedral_change(edge, t, rest, steep, reciprocal, compliance, multiplier):
-        """(change of the multiplier [m], that times the constraint's derivative by theta). `rest`: t at rest."""
-        change = (-(four * edge * (t - rest)) - compliance * multiplier) * reciprocal
-        return change, change * steep
 
-    functions = SimpleNamespace(
-        dot=dot, hinge=hinge, by_ends=by_ends, steepness=steepness,
-        gradient_sum=gradient_sum, dihedral_change=dihedral_change,
-    )  # fmt: skip
-    return joined(make(real, compiled), functions)
+@formula
+def shortening(x, y, z, rest):
+    """Factor that shortens k = (x, y, z) [m] by `rest` [m]. It is 1 where the square of k is below the normal
+    numbers, for which `fast` math has no root."""
+    squared = squared_length_3d(x, y, z)
+    return 1.0 - rest * inverse_length(squared) if squared > NORMAL else 1.0
+
+
+@formula
+def isometric_change(part, k, reciprocal, compliance, multiplier):
+    """Change of the multiplier [m], one axis."""
+    return (-(part * k) - compliance * multiplier) * reciprocal
+
+
+@formula
+def quarter_tangent(sine, cosine):
+    """tan(theta/4) in [-1, 1]. The larger of the half angle's sine and cosine comes from a root, the other one from
+    a division, so that neither loses digits."""
+    if cosine >= 0.0:
+        adjacent = sqrt(0.5 * (1.0 + cosine))
+        opposite = 0.5 * sine / adjacent
+    else:
+        opposite = sqrt(0.5 * (1.0 - cosine))
+        adjacent = 0.5 * abs(sine) / opposite
+        if sine < 0.0:
+            opposite = -opposite
+    return opposite / (1.0 + adjacent)
+
+
+@formula
+def hinge(ex, ey, ez, fx, fy, fz, gx, gy, gz):
+    """(tan(theta/4), gradients of theta [1/m] by c (3) and by d (3), positions of c and of d along the edge (2)).
+
+    e, f, g: b - a, c - a, d - a. All are 0 where a triangle has no area. theta > 0: the wings approach each other
+    on the side of the normals.
+    """
+    nx, ny, nz = cross(ex, ey, ez, fx, fy, fz)
+    mx, my, mz = cross(gx, gy, gz, ex, ey, ez)
+    nn, mm, ee = dot(nx, ny, nz, nx, ny, nz), dot(mx, my, mz, mx, my, mz), dot(ex, ey, ez, ex, ey, ez)
+    if not (nn > 0.0 and mm > 0.0):
+        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    edge = ee * inverse_length(ee)
+    over_n, over_m = inverse_length(nn), inverse_length(mm)
+    cosine = dot(nx, ny, nz, mx, my, mz) * over_n * over_m
+    sine = dot(gx, gy, gz, nx, ny, nz) * edge * over_n * over_m
+    t = quarter_tangent(sine, cosine)
+    u, v = edge * over_n * over_n, edge * over_m * over_m
+    along_c, along_d = dot(fx, fy, fz, ex, ey, ez) / ee, dot(gx, gy, gz, ex, ey, ez) / ee
+    return t, u * nx, u * ny, u * nz, v * mx, v * my, v * mz, along_c, along_d
+
+
+@formula
+def by_ends(along_c, along_d, uc, ud):
+    """Gradients by a and by b, one axis, from those by c and d."""
+    return -((1.0 - along_c) * uc) - (1.0 - along_d) * ud, -(along_c * uc) - along_d * ud
+
+
+@formula
+def steepness(edge, t):
+    """Derivative [m] of the constraint by theta. `edge`: the edge's length at rest."""
+    return edge * (1.0 + t * t)
+
+
+@formula
+def gradient_sum(steep, wa, wb, wc, wd, aa, bb, cc, dd):
+    """Sum of weight times gradient squared. `aa`, `bb`, `cc`, `dd`: squared gradients of theta by each corner."""
+    return steep * steep * ((wa * aa + wb * bb) + (wc * cc + wd * dd))
+
+
+@formula
+def dihedral_change(edge, t, rest, steep, reciprocal, compliance, multiplier):
+    """(change of the multiplier [m], that times the constraint's derivative by theta). `rest`: t at rest."""
+    change = (-(4.0 * edge * (t - rest)) - compliance * multiplier) * reciprocal
+    return change, change * steep

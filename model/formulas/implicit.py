@@ -13,13 +13,12 @@ of a residual bounds the error of the velocity.
 
 from __future__ import annotations
 
-from types import SimpleNamespace
 from typing import NamedTuple
 
 import numpy as np
 
-from softlab.model.formulas import plain
-from softlab.model.formulas.lengths import make as make_lengths
+from softlab.model.base.variant import FEATURE, formula
+from softlab.model.formulas.lengths import inverse_length, squared_length_3d
 
 OPERATIONS_PRODUCT = 30  # a spring: 6 differences, 5 for the square, 5 for the speed, 6 for the scales, 8 for the sum
 OPERATIONS_DOT = 6
@@ -47,55 +46,57 @@ FORCING = 0.9
 OVERSHOOT = 0.9  # fraction of the slope that may have changed sign at a Newton step's end
 
 
-def make(real, compiled=plain):
-    """Make the functions of a step's equations in the arithmetic `real`."""
-    zero, lengths = real(0), make_lengths(real, compiled)
-    squared_length, inverse_length = lengths.squared_length_3d, lengths.inverse_length
+MOST_LEFT = LOOSEST**2
+LEAST_LEFT = LINEAR_TOLERANCE**2
+TOLERANCE = NEWTON_TOLERANCE**2
+FORCING_SQUARE = FORCING**2
+NONE, ONE = np.int64(0), np.int64(1)
 
-    @compiled
-    def product_3d(dx, dy, dz, wx, wy, wz, stiffness, stiffness_rest, damping):
-        """-B (own - other) of a spring: the product of its matrix with w.
 
-        w: the other end's entry of a vector minus the own one; n = d / |d|. The result is (dt^2 k [n n^T + max(0, 1 -
-        L0 / |d|) (I - n n^T)] + dt c n n^T) w, all over the mass. `stiffness`: dt^2 k; `stiffness_rest`: dt^2 k L0;
-        `damping`: dt c. Exactly antisymmetric in any rounding.
-        """
-        inverse = inverse_length(squared_length(dx, dy, dz))
-        across = max(zero, stiffness - stiffness_rest * inverse)
-        along = ((stiffness + damping) - across) * ((((wx * dx + wy * dy) + wz * dz) * inverse) * inverse)
-        return across * wx + along * dx, across * wy + along * dy, across * wz + along * dz
+@formula
+def product_3d(dx, dy, dz, wx, wy, wz, stiffness, stiffness_rest, damping):
+    """-B (own - other) of a spring: the product of its matrix with w.
 
-    @compiled
-    def end_pull_3d(dx, dy, dz, wx, wy, wz, stiffness, stiffness_rest, damping, dt):
-        """Pull over mass [m/s^2] of a spring with a damper at the step's end.
+    w: the other end's entry of a vector minus the own one; n = d / |d|. The result is (dt^2 k [n n^T + max(0, 1 -
+    L0 / |d|) (I - n n^T)] + dt c n n^T) w, all over the mass. `stiffness`: dt^2 k; `stiffness_rest`: dt^2 k L0;
+    `damping`: dt c. Exactly antisymmetric in any rounding.
+    """
+    inverse = inverse_length(squared_length_3d(dx, dy, dz))
+    across = max(0.0, stiffness - stiffness_rest * inverse)
+    along = ((stiffness + damping) - across) * ((((wx * dx + wy * dy) + wz * dz) * inverse) * inverse)
+    return across * wx + along * dx, across * wy + along * dy, across * wz + along * dz
 
-        d: vector to its other end at the start; w: that end's velocity minus the own one. It uses differences, since
-        coordinates p + dt u far from the origin would lose more digits.
-        """
-        dx, dy, dz = dx + dt * wx, dy + dt * wy, dz + dt * wz
-        inverse = inverse_length(squared_length(dx, dy, dz))
-        speed = ((wx * dx + wy * dy) + wz * dz) * inverse
-        scale = (stiffness - stiffness_rest * inverse) + damping * speed * inverse
-        return scale * dx, scale * dy, scale * dz
 
-    @compiled
-    def residual(begin, velocity, acceleration, dt, dt_rate):
-        """Residual of u = begin + dt a - dt rate u, one axis [m/s]. `begin`: v + dt (forces at the step's start)."""
-        return ((begin - velocity) + dt * acceleration) - dt_rate * velocity
+@formula
+def end_pull_3d(dx, dy, dz, wx, wy, wz, stiffness, stiffness_rest, damping, dt):
+    """Pull over mass [m/s^2] of a spring with a damper at the step's end.
 
-    @compiled
-    def applied(entry, pulls, diagonal):
-        """A times the entry, one axis. `pulls`: the sum of `product_3d` over the springs; `diagonal`: 1 + dt rate."""
-        return diagonal * entry - pulls
+    d: vector to its other end at the start; w: that end's velocity minus the own one. It uses differences, since
+    coordinates p + dt u far from the origin would lose more digits.
+    """
+    dx, dy, dz = dx + dt * wx, dy + dt * wy, dz + dt * wz
+    inverse = inverse_length(squared_length_3d(dx, dy, dz))
+    speed = ((wx * dx + wy * dy) + wz * dz) * inverse
+    scale = (stiffness - stiffness_rest * inverse) + damping * speed * inverse
+    return scale * dx, scale * dy, scale * dz
 
-    @compiled
-    def added(value, factor, other):
-        """value + factor other, one axis."""
-        return value + factor * other
 
-    return SimpleNamespace(
-        product_3d=product_3d, end_pull_3d=end_pull_3d, residual=residual, applied=applied, added=added, dot=lengths.dot
-    )
+@formula
+def residual(begin, velocity, acceleration, dt, dt_rate):
+    """Residual of u = begin + dt a - dt rate u, one axis [m/s]. `begin`: v + dt (forces at the step's start)."""
+    return ((begin - velocity) + dt * acceleration) - dt_rate * velocity
+
+
+@formula
+def applied(entry, pulls, diagonal):
+    """A times the entry, one axis. `pulls`: the sum of `product_3d` over the springs; `diagonal`: 1 + dt rate."""
+    return diagonal * entry - pulls
+
+
+@formula
+def added(value, factor, other):
+    """value + factor other, one axis."""
+    return value + factor * other
 
 
 class Counts(NamedTuple):
@@ -119,66 +120,57 @@ class Values(NamedTuple):
     beta: float
 
 
-def make_control(real, compiled=plain, linear=False):
-    """Make the functions that decide how often each pass runs, in the arithmetic `real`.
+@formula
+def noise(velocity_squared, springs_squared, roundoff):
+    """Squared norm [m^2/s^2] of the rounding error of a residual.
 
-    `linear`: one matrix per step, solved to LINEAR_TOLERANCE.
+    Half a unit in the last place of the velocities (`u.u`) and of the velocity that a mass's springs would add in a
+    step if they were twice as long (`springs_squared`, of all masses).
     """
-    zero, half = real(0), real(0.5)
-    tolerance, most_left = real(NEWTON_TOLERANCE**2), real(LINEAR_TOLERANCE**2 if linear else LOOSEST**2)
-    least_left, forcing, of_noise, overshoot = real(LINEAR_TOLERANCE**2), real(FORCING**2), real(0.01), real(OVERSHOOT)
-    newton_steps, none = 1 if linear else MAX_NEWTON, np.int64(0)
+    return roundoff * roundoff * (springs_squared + velocity_squared)
 
-    @compiled
-    def noise(velocity_squared, springs_squared, roundoff):
-        """Squared norm [m^2/s^2] of the rounding error of a residual.
 
-        Half a unit in the last place of the velocities (`u.u`) and of the velocity that a mass's springs would add in a
-        step if they were twice as long (`springs_squared`, of all masses).
-        """
-        return roundoff * roundoff * (springs_squared + velocity_squared)
+@formula
+def after_residual(counts, values, sums, springs_squared, roundoff):
+    """(next pass, Counts, Values) once a residual is known.
 
-    @compiled
-    def after_residual(counts, values, sums, springs_squared, roundoff):
-        """(next pass, Counts, Values) once a residual is known.
+    A Newton step that went too far is halved. The solution is found once the residual is below NEWTON_TOLERANCE of
+    the step's first or is rounding (`noise`).
+    """
+    newton, halvings, v = counts.matrices, counts.halvings, values
+    squared, along, velocity_squared = sums
+    if newton > 0 and halvings < MAX_HALVINGS and along < -(OVERSHOOT * v.slope):
+        halved = Values(v.first, v.before, v.limit, 0.5 * v.slope, v.squared, v.alpha, v.beta)
+        return RETREAT, Counts(newton, halvings + ONE, NONE), halved
+    first = v.first
+    most_left = LEAST_LEFT if FEATURE.linear else MOST_LEFT
+    left = most_left
+    if newton == 0:
+        first = squared
+    elif squared < v.before:
+        left = min(most_left, max(LEAST_LEFT, FORCING_SQUARE * (squared / v.before) * (squared / v.before)))
+    rounding = noise(velocity_squared, springs_squared, roundoff)
+    kind = FINISH
+    if squared > max(TOLERANCE * first, rounding) and newton < (1 if FEATURE.linear else MAX_NEWTON):
+        kind = PRODUCT
+    limit = max(left * squared, 0.01 * rounding)
+    return kind, Counts(newton, NONE, NONE), Values(first, squared, limit, 0.0, 0.0, 0.0, 0.0)
 
-        A Newton step that went too far is halved. The solution is found once the residual is below NEWTON_TOLERANCE of
-        the step's first or is rounding (`noise`).
-        """
-        newton, halvings, v = counts.matrices, counts.halvings, values
-        squared, along, velocity_squared = sums
-        if newton > 0 and halvings < MAX_HALVINGS and along < -(overshoot * v.slope):
-            halved = Values(v.first, v.before, v.limit, half * v.slope, v.squared, v.alpha, v.beta)
-            return RETREAT, Counts(newton, halvings + 1, none), halved
-        first = v.first
-        left = most_left
-        if newton == 0:
-            first = squared
-        elif squared < v.before:
-            left = min(most_left, max(least_left, forcing * (squared / v.before) * (squared / v.before)))
-        rounding = noise(velocity_squared, springs_squared, roundoff)
-        kind = FINISH
-        if squared > max(tolerance * first, rounding) and newton < newton_steps:
-            kind = PRODUCT
-        limit = max(left * squared, of_noise * rounding)
-        return kind, Counts(newton, none, none), Values(first, squared, limit, zero, zero, zero, zero)
 
-    @compiled
-    def after_product(counts, values, squared, curvature):
-        """(next pass, Counts, Values) once r.r and r.A r are known: conjugate gradients continue, or their sum is
-        applied."""
-        newton, halvings, iterations = counts
-        v, beta, divisor = values, zero, curvature
-        if iterations > 0:
-            beta = squared / v.squared
-            divisor = curvature - beta * squared / v.alpha
-        if squared > v.limit and divisor > zero and iterations < MAX_ITERATIONS:
-            alpha = squared / divisor
-            slope = v.slope + alpha * squared  # r.s with the residual at the start of conjugate gradients
-            later = Values(v.first, v.before, v.limit, slope, squared, alpha, beta)
-            return UPDATE, Counts(newton, halvings, iterations + 1), later
-        kind = FINISH if iterations == 0 else MOVE
-        later = Values(v.first, v.before, v.limit, v.slope, v.squared, v.alpha, beta)
-        return kind, Counts(newton + 1, none, iterations), later
-
-    return SimpleNamespace(after_residual=after_residual, after_product=after_product)
+@formula
+def after_product(counts, values, squared, curvature):
+    """(next pass, Counts, Values) once r.r and r.A r are known: conjugate gradients continue, or their sum is
+    applied."""
+    newton, halvings, iterations = counts
+    v, beta, divisor = values, 0.0, curvature
+    if iterations > 0:
+        beta = squared / v.squared
+        divisor = curvature - beta * squared / v.alpha
+    if squared > v.limit and divisor > 0.0 and iterations < MAX_ITERATIONS:
+        alpha = squared / divisor
+        slope = v.slope + alpha * squared  # r.s with the residual at the start of conjugate gradients
+        later = Values(v.first, v.before, v.limit, slope, squared, alpha, beta)
+        return UPDATE, Counts(newton, halvings, iterations + ONE), later
+    kind = FINISH if iterations == 0 else MOVE
+    later = Values(v.first, v.before, v.limit, v.slope, v.squared, v.alpha, beta)
+    return kind, Counts(newton + ONE, NONE, iterations), later

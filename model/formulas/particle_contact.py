@@ -17,10 +17,9 @@ Simulation with Extended Position Based Dynamics", SCA 2020, section 3.6 (eq. 34
 from __future__ import annotations
 
 from math import sqrt
-from types import SimpleNamespace
 
-from softlab.model.formulas import joined, plain
-from softlab.model.formulas.lengths import make as make_lengths
+from softlab.model.base.variant import formula
+from softlab.model.formulas.lengths import squared_length_3d
 
 LEFT = 2.0**-8  # of the settling speed: separation speed allowed to two rigid bodies that were pressed apart
 OPERATIONS_SEARCH = 9  # a tested particle: the distance's square and its comparison
@@ -29,162 +28,159 @@ OPERATIONS_PROJECT = 60  # a contact: two lengths, the normal, friction, three s
 OPERATIONS_BOUNCE = 2 * 36  # a neighbour: counted and applied, the normal, two speeds along it
 
 
-def make(real, compiled=plain):
-    """Make the functions of contacts in the arithmetic `real`. Vectors are three numbers, from the other particle to
-    this one."""
-    zero, one, nowhere = real(0), real(1), real(1e-6)
-    squared_length_3d = make_lengths(real, compiled).squared_length_3d
-
-    @compiled
-    def squared(dx, dy, dz):
-        return squared_length_3d(dx, dy, dz)
-
-    @compiled
-    def scaled(x, inverse_cell):
-        """Coordinate in cells of space."""
-        return x * inverse_cell
-
-    @compiled
-    def within(squared_distance, distance):
-        """True if the length is below `distance`; never where that is 0."""
-        return squared_distance < distance * distance
-
-    @compiled
-    def split(weight, contacts, other_weight, other_contacts):
-        """1 / (w_i n_i + w_j n_j); 0 where neither can move."""
-        stiffness = weight * contacts + other_weight * other_contacts
-        return one / stiffness if stiffness > zero else zero
-
-    @compiled
-    def enforced_distance(distance, bx, by, bz, push):
-        """Distance [m] that the contact enforces: `distance`, but for a contact that began the substep nearer (b), no
-        more than `push` beyond that."""
-        return min(distance, sqrt(squared_length_3d(bx, by, bz)) + push)
-
-    @compiled
-    def direction(dx, dy, dz, distance, first):
-        """(length, unit normal). Of two coincident particles the `first` moves down, the other one up."""
-        length = sqrt(squared_length_3d(dx, dy, dz))
-        if length > nowhere * distance:
-            return length, dx / length, dy / length, dz / length
-        return length, zero, -one if first else one, zero
-
-    @compiled
-    def depth(length, enforced, distance, pull):
-        """Correction [m] of the distance along the normal. Negative: adhesion pulls particles beyond `distance`
-        together, by at most `pull`."""
-        if length < enforced:
-            return enforced - length
-        return max(distance - length, -pull) if length > distance else zero
-
-    @compiled
-    def slip(dx, dy, dz, bx, by, bz, nx, ny, nz):
-        """Relative sliding within the substep [m]: from b to d, without the component along the normal."""
-        sx, sy, sz = dx - bx, dy - by, dz - bz
-        along = (sx * nx + sy * ny) + sz * nz
-        return sx - along * nx, sy - along * ny, sz - along * nz
-
-    @compiled
-    def grip(sx, sy, sz, depth, pull, static_friction, dynamic_friction):
-        """Fraction of the slip that friction removes: all of it within the cone of the static coefficient (eq. 24). The
-        normal load is the depth plus the pull of adhesion."""
-        sliding, pressed = sqrt(squared_length_3d(sx, sy, sz)), max(depth, zero) + pull
-        if sliding <= static_friction * pressed:
-            return one
-        return dynamic_friction * pressed / sliding
-
-    @compiled
-    def added(total, fraction, depth, n):
-        """Sum of displacements plus that of a contact, one axis."""
-        return total + fraction * (depth * n)
-
-    @compiled
-    def pressed(total, fraction, depth):
-        """Normal impulse, times h, of a contact of two rigid bodies in a substep so far."""
-        return total + fraction * depth
-
-    @compiled
-    def added_friction(total, fraction, depth, n, gripped, s):
-        """Sum of displacements plus that of a contact with friction, one axis."""
-        return total + fraction * (depth * n - gripped * s)
-
-    @compiled
-    def moved(position, weight, total):
-        """Position of a particle after all its contacts, one axis."""
-        return position + weight * total
-
-    contacts = SimpleNamespace(
-        squared=squared, scaled=scaled, within=within, split=split, enforced_distance=enforced_distance, direction=direction,
-        depth=depth, slip=slip, grip=grip, added=added, pressed=pressed, added_friction=added_friction, moved=moved,
-    )  # fmt: skip
-    return joined(contacts, make_end(real, compiled, squared_length_3d))
+@formula
+def squared(dx, dy, dz):
+    return squared_length_3d(dx, dy, dz)
 
 
-def make_end(real, compiled, squared_length_3d):
-    """Make the functions of a substep's end (restitution, speed limit, sleep) in the arithmetic `real`."""
-    zero, left = real(0), real(LEFT)
-    beside = real(1.001)  # of the distance: particles moved apart to it are nearer or farther by rounding
+@formula
+def scaled(x, inverse_cell):
+    """Coordinate in cells of space."""
+    return x * inverse_cell
 
-    @compiled
-    def touching(squared_distance, distance):
-        """True if two particles touch at the substep's end."""
-        limit = beside * distance
-        return squared_distance < limit * limit
 
-    @compiled
-    def lacking(a, b, n, restitution, settling):
-        """Speed [m/s] that is missing from the separation of two touching particles.
+@formula
+def within(squared_distance, distance):
+    """True if the length is below `distance`; never where that is 0."""
+    return squared_distance < distance * distance
 
-        Restitution asks for the fraction `restitution` of the approach speed at the substep's start (a); b is the speed
-        now. It is 0 where the approach speed is at most `settling`, and where they separate fast enough.
-        """
-        came = -((a[0] * n[0] + a[1] * n[1]) + a[2] * n[2])
-        lack = restitution * came - ((b[0] * n[0] + b[1] * n[1]) + b[2] * n[2])
-        return max(lack, zero) if came > settling else zero
 
-    @compiled
-    def parting(a, b, n, restitution, settling, pressed):
-        """Missing separation speed [m/s] as by `lacking`, of two rigid bodies, also for the effects of other contacts
-        in the substep.
+@formula
+def split(weight, contacts, other_weight, other_contacts):
+    """1 / (w_i n_i + w_j n_j); 0 where neither can move."""
+    stiffness = weight * contacts + other_weight * other_contacts
+    return 1.0 / stiffness if stiffness > 0.0 else 0.0
 
-        It is negative where they separate faster than that, or than they did, and were `pressed` apart in the substep:
-        an overlap is pushed out, and does not turn into speed.
-        """
-        came = -((a[0] * n[0] + a[1] * n[1]) + a[2] * n[2])
-        parts = (b[0] * n[0] + b[1] * n[1]) + b[2] * n[2]
-        came = max(came, -parts)
-        goal = restitution * came if came > settling else max(-came, zero)
-        lack = goal - parts
-        if lack > zero:
-            return lack if came > settling else zero
-        return lack if pressed > zero and -lack > left * settling else zero
 
-    @compiled
-    def impulse(fraction, lack, pressed, inverse_h):
-        """Impulse of a contact of two rigid bodies. It removes at most what `pressed` them apart."""
-        return max(fraction * lack, -(pressed * inverse_h))
+@formula
+def enforced_distance(distance, bx, by, bz, push):
+    """Distance [m] that the contact enforces: `distance`, but for a contact that began the substep nearer (b), no
+    more than `push` beyond that."""
+    return min(distance, sqrt(squared_length_3d(bx, by, bz)) + push)
 
-    @compiled
-    def impulse_added(total, impulse, n):
-        """Sum of impulses plus that of a contact, one axis."""
-        return total + impulse * n
 
-    @compiled
-    def far(dx, dy, dz):
-        """Displacement of a particle in a substep [m]."""
-        return sqrt(squared_length_3d(dx, dy, dz))
+@formula
+def direction(dx, dy, dz, distance, first):
+    """(length, unit normal). Of two coincident particles the `first` moves down, the other one up."""
+    length = sqrt(squared_length_3d(dx, dy, dz))
+    if length > 1e-06 * distance:
+        return length, dx / length, dy / length, dz / length
+    return length, 0.0, -1.0 if first else 1.0, 0.0
 
-    @compiled
-    def shortened(position, before, length, fastest):
-        """Position at the substep's end with the displacement limited to `fastest`, one axis."""
-        return before + (position - before) * (fastest / length) if length > fastest else position
 
-    @compiled
-    def rested(position, before, length, asleep):
-        """Position at the substep's end, unchanged from `before` if the displacement is below `asleep`, one axis."""
-        return before if length < asleep else position
+@formula
+def depth(length, enforced, distance, pull):
+    """Correction [m] of the distance along the normal. Negative: adhesion pulls particles beyond `distance`
+    together, by at most `pull`."""
+    if length < enforced:
+        return enforced - length
+    return max(distance - length, -pull) if length > distance else 0.0
 
-    return SimpleNamespace(
-        touching=touching, lacking=lacking, parting=parting, impulse=impulse, impulse_added=impulse_added, far=far,
-        shortened=shortened, rested=rested,
-    )  # fmt: skip
+
+@formula
+def slip(dx, dy, dz, bx, by, bz, nx, ny, nz):
+    """Relative sliding within the substep [m]: from b to d, without the component along the normal."""
+    sx, sy, sz = dx - bx, dy - by, dz - bz
+    along = (sx * nx + sy * ny) + sz * nz
+    return sx - along * nx, sy - along * ny, sz - along * nz
+
+
+@formula
+def grip(sx, sy, sz, depth, pull, static_friction, dynamic_friction):
+    """Fraction of the slip that friction removes: all of it within the cone of the static coefficient (eq. 24). The
+    normal load is the depth plus the pull of adhesion."""
+    sliding, pressed = sqrt(squared_length_3d(sx, sy, sz)), max(depth, 0.0) + pull
+    if sliding <= static_friction * pressed:
+        return 1.0
+    return dynamic_friction * pressed / sliding
+
+
+@formula
+def added(total, fraction, depth, n):
+    """Sum of displacements plus that of a contact, one axis."""
+    return total + fraction * (depth * n)
+
+
+@formula
+def pressed(total, fraction, depth):
+    """Normal impulse, times h, of a contact of two rigid bodies in a substep so far."""
+    return total + fraction * depth
+
+
+@formula
+def added_friction(total, fraction, depth, n, gripped, s):
+    """Sum of displacements plus that of a contact with friction, one axis."""
+    return total + fraction * (depth * n - gripped * s)
+
+
+@formula
+def moved(position, weight, total):
+    """Position of a particle after all its contacts, one axis."""
+    return position + weight * total
+
+
+@formula
+def touching(squared_distance, distance):
+    """True if two particles touch at the substep's end."""
+    limit = 1.001 * distance
+    return squared_distance < limit * limit
+
+
+@formula
+def lacking(a, b, n, restitution, settling):
+    """Speed [m/s] that is missing from the separation of two touching particles.
+
+    Restitution asks for the fraction `restitution` of the approach speed at the substep's start (a); b is the speed
+    now. It is 0 where the approach speed is at most `settling`, and where they separate fast enough.
+    """
+    came = -((a[0] * n[0] + a[1] * n[1]) + a[2] * n[2])
+    lack = restitution * came - ((b[0] * n[0] + b[1] * n[1]) + b[2] * n[2])
+    return max(lack, 0.0) if came > settling else 0.0
+
+
+@formula
+def parting(a, b, n, restitution, settling, pressed):
+    """Missing separation speed [m/s] as by `lacking`, of two rigid bodies, also for the effects of other contacts
+    in the substep.
+
+    It is negative where they separate faster than that, or than they did, and were `pressed` apart in the substep:
+    an overlap is pushed out, and does not turn into speed.
+    """
+    came = -((a[0] * n[0] + a[1] * n[1]) + a[2] * n[2])
+    parts = (b[0] * n[0] + b[1] * n[1]) + b[2] * n[2]
+    came = max(came, -parts)
+    goal = restitution * came if came > settling else max(-came, 0.0)
+    lack = goal - parts
+    if lack > 0.0:
+        return lack if came > settling else 0.0
+    return lack if pressed > 0.0 and -lack > LEFT * settling else 0.0
+
+
+@formula
+def impulse(fraction, lack, pressed, inverse_h):
+    """Impulse of a contact of two rigid bodies. It removes at most what `pressed` them apart."""
+    return max(fraction * lack, -(pressed * inverse_h))
+
+
+@formula
+def impulse_added(total, impulse, n):
+    """Sum of impulses plus that of a contact, one axis."""
+    return total + impulse * n
+
+
+@formula
+def far(dx, dy, dz):
+    """Displacement of a particle in a substep [m]."""
+    return sqrt(squared_length_3d(dx, dy, dz))
+
+
+@formula
+def shortened(position, before, length, fastest):
+    """Position at the substep's end with the displacement limited to `fastest`, one axis."""
+    return before + (position - before) * (fastest / length) if length > fastest else position
+
+
+@formula
+def rested(position, before, length, asleep):
+    """Position at the substep's end, unchanged from `before` if the displacement is below `asleep`, one axis."""
+    return before if length < asleep else position

@@ -7,11 +7,9 @@ here is integer arithmetic in 64-bit words that contain 32 bits, which every com
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
 
-from softlab.model.formulas import plain
+from softlab.model.base.variant import formula, integer_formula, real
 
 LOW = np.uint64(0xFFFFFFFF)
 THIRTY_TWO = np.uint64(32)
@@ -26,46 +24,38 @@ ZERO = np.uint64(0)
 OPERATIONS = 110  # integer ones, per mass
 
 
-def make_philox(compiled=plain):
-    """Make the generator philox(seed, step, particle) -> four 32-bit words (in uint64)."""
-
-    @compiled
-    def philox(seed, step, particle):
-        """The four words of Philox4x32-10 at counter (step, particle) under the key `seed`; all arguments uint64."""
-        c0 = step & LOW
-        c1 = step >> THIRTY_TWO
-        c2 = particle & LOW
-        c3 = ZERO
-        k0 = seed & LOW
-        k1 = seed >> THIRTY_TWO
-        for _ in range(10):
-            product_0 = MULTIPLIER_0 * c0
-            product_1 = MULTIPLIER_1 * c2
-            c0 = (product_1 >> THIRTY_TWO) ^ c1 ^ k0
-            c1 = product_1 & LOW
-            c2 = (product_0 >> THIRTY_TWO) ^ c3 ^ k1
-            c3 = product_0 & LOW
-            k0 = (k0 + WEYL_0) & LOW
-            k1 = (k1 + WEYL_1) & LOW
-        return c0, c1, c2, c3
-
-    return philox
+SCALE = 2.0 ** (-23)
 
 
-def make(real, compiled=plain):
-    """Make `uniform` (a 32-bit word as a number in (-1, 1), the same in float32 and float64) and `add_external`."""
-    scale = real(2.0**-23)
-    one = real(1)
+@integer_formula
+def philox(seed, step, particle):
+    """The four words of Philox4x32-10 at counter (step, particle) under the key `seed`; all arguments uint64."""
+    c0 = step & LOW
+    c1 = step >> THIRTY_TWO
+    c2 = particle & LOW
+    c3 = ZERO
+    k0 = seed & LOW
+    k1 = seed >> THIRTY_TWO
+    for _ in range(10):
+        product_0 = MULTIPLIER_0 * c0
+        product_1 = MULTIPLIER_1 * c2
+        c0 = (product_1 >> THIRTY_TWO) ^ c1 ^ k0
+        c1 = product_1 & LOW
+        c2 = (product_0 >> THIRTY_TWO) ^ c3 ^ k1
+        c3 = product_0 & LOW
+        k0 = (k0 + WEYL_0) & LOW
+        k1 = (k1 + WEYL_1) & LOW
+    return c0, c1, c2, c3
 
-    @compiled
-    def uniform(word):
-        """(2 k + 1) 2^-23 - 1 with k the word's upper 23 bits: odd multiples of 2^-23, exact in 24 bits, never +-1."""
-        odd = real((word >> NINE) + (word >> NINE) + ONE)
-        return odd * scale - one
 
-    @compiled
-    def add_external(acceleration, magnitude, word):
-        """Acceleration plus the external force of this axis: magnitude over mass [m/s^2] times a number in (-1, 1)."""
-        return acceleration + magnitude * uniform(word)
+@formula
+def uniform(word):
+    """(2 k + 1) 2^-23 - 1 with k the word's upper 23 bits: odd multiples of 2^-23, exact in 24 bits, never +-1."""
+    odd = real((word >> NINE) + (word >> NINE) + ONE)
+    return odd * SCALE - 1.0
 
-    return SimpleNamespace(uniform=uniform, add_external=add_external)
+
+@formula
+def add_external(acceleration, magnitude, word):
+    """Acceleration plus the external force of this axis: magnitude over mass [m/s^2] times a number in (-1, 1)."""
+    return acceleration + magnitude * uniform(word)

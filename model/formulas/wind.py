@@ -8,66 +8,59 @@ Journal of WSCG 12 (2004), section 4.1, each times half the air's density, the a
 from __future__ import annotations
 
 from math import floor
-from types import SimpleNamespace
 
 import numpy as np
 
-from softlab.model.formulas import plain
-from softlab.model.formulas.lengths import make as make_lengths
-from softlab.model.formulas.random import make as make_random
+from softlab.model.base.variant import formula, real
+from softlab.model.formulas.lengths import inverse_length, squared_length_3d
+from softlab.model.formulas.random import uniform
 
 OPERATIONS_TRIANGLE = 62
 GUST_STREAM = 0  # particle number under which the random generator draws gusts
 
 
-def make(real, compiled=plain):
-    """Make `triangle_wind`, `stage_time`, `gust_interval` and `gust` in the arithmetic `real`."""
-    two, three = real(2), real(3)
-    lengths = make_lengths(real, compiled)
-    squared_length, inverse_length = lengths.squared_length_3d, lengths.inverse_length
-    uniform = make_random(real, compiled).uniform
+@formula
+def triangle_wind(ab, ac, u, drag, lift):
+    """Force over mass [m/s^2] on each corner of the triangle with the edges ab and ac [m], in a relative wind u
+    [m/s].
 
-    @compiled
-    def triangle_wind(ab, ac, u, drag, lift):
-        """Force over mass [m/s^2] on each corner of the triangle with the edges ab and ac [m], in a relative wind u
-        [m/s].
+    `drag`, `lift` [1/m^2]: density / 2 * coefficient / mass / 6, since a corner takes a third, and the length of n
+    = ab x ac is twice the area. The sum of drag |u.n| u and lift (u.n) (|u| n / |n| - (u.n) u / (|u| |n|)), neither
+    of which depends on the side that n points to. Zero for a triangle without area and for still air.
+    """
+    ux, uy, uz = u
+    nx = ab[1] * ac[2] - ab[2] * ac[1]
+    ny = ab[2] * ac[0] - ab[0] * ac[2]
+    nz = ab[0] * ac[1] - ab[1] * ac[0]
+    through = (ux * nx + uy * ny) + uz * nz
+    squared = squared_length_3d(ux, uy, uz)
+    inverse_speed = inverse_length(squared)
+    inverse_normal = inverse_length(squared_length_3d(nx, ny, nz))
+    along_normal = lift * through * (squared * inverse_speed) * inverse_normal
+    along_air = drag * abs(through) - lift * through * through * inverse_speed * inverse_normal
+    return (
+        along_normal * nx + along_air * ux, along_normal * ny + along_air * uy, along_normal * nz + along_air * uz,
+    )  # fmt: skip
 
-        `drag`, `lift` [1/m^2]: density / 2 * coefficient / mass / 6, since a corner takes a third, and the length of n
-        = ab x ac is twice the area. The sum of drag |u.n| u and lift (u.n) (|u| n / |n| - (u.n) u / (|u| |n|)), neither
-        of which depends on the side that n points to. Zero for a triangle without area and for still air.
-        """
-        ux, uy, uz = u
-        nx = ab[1] * ac[2] - ab[2] * ac[1]
-        ny = ab[2] * ac[0] - ab[0] * ac[2]
-        nz = ab[0] * ac[1] - ab[1] * ac[0]
-        through = (ux * nx + uy * ny) + uz * nz
-        squared = squared_length(ux, uy, uz)
-        inverse_speed = inverse_length(squared)
-        inverse_normal = inverse_length(squared_length(nx, ny, nz))
-        along_normal = lift * through * (squared * inverse_speed) * inverse_normal
-        along_air = drag * abs(through) - lift * through * through * inverse_speed * inverse_normal
-        return (
-            along_normal * nx + along_air * ux, along_normal * ny + along_air * uy, along_normal * nz + along_air * uz,
-        )  # fmt: skip
 
-    @compiled
-    def stage_time(step, offset, dt, first_step, first_time):
-        """Time [s] of a stage `offset` steps into step number `step`. Step number `first_step` begins at `first_time`
-        [s]."""
-        return first_time + ((real(step) - first_step) * dt + offset * dt)
+@formula
+def stage_time(step, offset, dt, first_step, first_time):
+    """Time [s] of a stage `offset` steps into step number `step`. Step number `first_step` begins at `first_time`
+    [s]."""
+    return first_time + ((real(step) - first_step) * dt + offset * dt)
 
-    @compiled
-    def gust_interval(time, gust_time):
-        """(number of the interval that contains `time` [s], fraction of it that has passed, in [0, 1))."""
-        intervals = time / gust_time
-        whole = floor(intervals)
-        return np.int64(whole), intervals - real(whole)
 
-    @compiled
-    def gust(word_before, word_after, part):
-        """g in (-1, 1): interpolated from one interval's random word to the next one's along 3 p^2 - 2 p^3."""
-        before, after = uniform(word_before), uniform(word_after)
-        smooth = part * part * (three - two * part)
-        return before + smooth * (after - before)
+@formula
+def gust_interval(time, gust_time):
+    """(number of the interval that contains `time` [s], fraction of it that has passed, in [0, 1))."""
+    intervals = time / gust_time
+    whole = floor(intervals)
+    return np.int64(whole), intervals - real(whole)
 
-    return SimpleNamespace(triangle_wind=triangle_wind, stage_time=stage_time, gust_interval=gust_interval, gust=gust)
+
+@formula
+def gust(word_before, word_after, part):
+    """g in (-1, 1): interpolated from one interval's random word to the next one's along 3 p^2 - 2 p^3."""
+    before, after = uniform(word_before), uniform(word_after)
+    smooth = part * part * (3.0 - 2.0 * part)
+    return before + smooth * (after - before)

@@ -7,9 +7,8 @@ that all runs of a colour are projected at once, in any order, with the same bit
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Any
+from types import ModuleType
 
 import numpy as np
 
@@ -20,15 +19,16 @@ from softlab.model.geometry.colouring import colour
 class Projection:
     """Projection of a constraint set, for which a kernel is compiled.
 
-    `make`, `flags`: the factory in model/formulas/constraints and its flags. Per constraint: `corners`, of which the
-    first `moves` are moved (None: all); `values`; `multipliers`, stored through a substep's iterations if `soft`.
+    `formulas`, `flags`: the module in model/formulas/constraints and the features of its variant. Per constraint:
+    `corners`, of which the first `moves` are moved (None: all); `values`; `multipliers`, stored through a substep's
+    iterations if `soft`.
     `damped`: the projection reads its corners at the substep's start. `constants`: names of compliance, damping and
     stiffening in the solver's record; None: it uses none of them. `run`: constraints that one thread projects one after
     the other.
     """
 
     name: str
-    make: Callable[..., Any]
+    formulas: ModuleType
     corners: int
     values: int
     multipliers: int = 1

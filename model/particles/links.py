@@ -13,7 +13,7 @@ from softlab.model.geometry.colouring import Colouring, colour
 from softlab.model.geometry.lists import offsets_of
 from softlab.model.particles.constraints import Projection
 
-LINKS = Projection("links", distance.make, corners=2, values=2, flags=(("per_constraint", True),))
+LINKS = Projection("links", distance, corners=2, values=2, flags=(("per_constraint", True), ("soft", True)))
 
 
 @dataclass(frozen=True, eq=False)

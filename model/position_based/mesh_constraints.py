@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from types import ModuleType
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -45,7 +45,7 @@ class Model:
     stiffness / divisor * violation^2 / 2 [J]. `can_damp`: it supports a damper.
     """
 
-    make: Callable[..., Any]
+    formulas: ModuleType
     corners: int
     values: int
     operations: int
@@ -97,7 +97,7 @@ def attachment_set(scene: Scene, body: Body) -> ConstraintSet:
 def tether_of(anchors: int) -> Projection:
     """Return the projection of attachments to that number of anchors."""
     return Projection(
-        f"attachments_{anchors}", tether.make, 1 + anchors, anchors, moves=1, soft=False, flags=(("anchors", anchors),)
+        f"attachments_{anchors}", tether, 1 + anchors, anchors, moves=1, soft=False, flags=(("anchors", anchors),)
     )
 
 
@@ -109,7 +109,7 @@ def projection_of(kind: str, parts: frozenset[str]) -> Projection:
     model, soft, damped = MODELS[name], f"{kind}-compliance" in parts, f"{kind}-damping" in parts
     return Projection(
         f"{kind}_{name}",
-        model.make,
+        model.formulas,
         model.corners,
         model.values,
         model.multipliers,
@@ -128,12 +128,12 @@ def projections_of(parts: frozenset[str]) -> tuple[Projection, ...]:
 
 def operations_of(projection: Projection) -> int:
     """Return the floating-point operations of one constraint."""
-    if projection.make is tether.make:
+    if projection.formulas is tether:
         return distance_formulas.OPERATIONS_ATTACHMENT
-    if projection.make is distance.make:
+    if projection.formulas is distance:
         each = distance_formulas.OPERATIONS_SOFT if projection.soft else distance_formulas.OPERATIONS_RIGID
         return each + distance_formulas.OPERATIONS_DAMPER * projection.damped
-    return next(model.operations for model in MODELS.values() if model.make is projection.make)
+    return next(model.operations for model in MODELS.values() if model.formulas is projection.formulas)
 
 
 # ---------------------------------------------------------------------- distances
@@ -288,14 +288,14 @@ def mesh_energy(scene: Scene, position: np.ndarray, kind: str) -> float:
 
 
 MODELS = {
-    "distance": Model(distance.make, 2, 1, distance_formulas.OPERATIONS_SOFT, _distances, _stretch, can_damp=True),
+    "distance": Model(distance, 2, 1, distance_formulas.OPERATIONS_SOFT, _distances, _stretch, can_damp=True),
     "isometric": Model(
-        isometric.make, 4, 6, bending_formulas.OPERATIONS_ISOMETRIC,
+        isometric, 4, 6, bending_formulas.OPERATIONS_ISOMETRIC,
         lambda mesh, kind: (mesh.edges.winged, isometric_values(mesh)), _curvature, multipliers=3,
     ),
     "dihedral": Model(
-        dihedral.make, 4, 3, bending_formulas.OPERATIONS_DIHEDRAL,
+        dihedral, 4, 3, bending_formulas.OPERATIONS_DIHEDRAL,
         lambda mesh, kind: (mesh.edges.winged, dihedral_values(mesh)), _angle,
     ),
-    "volume": Model(volume.make, 4, 2, volume.OPERATIONS, _volumes, _compression),
+    "volume": Model(volume, 4, 2, volume.OPERATIONS, _volumes, _compression),
 }  # fmt: skip

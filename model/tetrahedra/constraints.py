@@ -101,7 +101,7 @@ def _projection(material: str, run: int, whole: bool, parts: frozenset[str]) -> 
         "alone": not whole,
     }  # fmt: skip
     return Projection(
-        f"{'shapes' if whole else 'tetrahedra'}_{material.replace('-', '_')}", tetrahedron.make, 4, tetrahedron.COUNT,
+        f"{'shapes' if whole else 'tetrahedra'}_{material.replace('-', '_')}", tetrahedron, 4, tetrahedron.COUNT,
         tetrahedron.BLOCKS if nine else tetrahedron.ROWS, damped=damped, soft=soft, constants=CONSTANTS,
         flags=tuple(flags.items()), run=run,
     )  # fmt: skip
@@ -111,7 +111,7 @@ def _of_volumes(material: str, parts: frozenset[str]) -> Projection:
     """Return the projection of the volumes of voxels of such a material."""
     damped, soft = DAMPED in parts, ITERATED in parts
     return Projection(
-        f"volumes_{material.replace('-', '_')}", voxel_volume.make, voxel_volume.CORNERS, voxel_volume.COUNT,
+        f"volumes_{material.replace('-', '_')}", voxel_volume, voxel_volume.CORNERS, voxel_volume.COUNT,
         damped=damped, soft=soft, constants=CONSTANTS, flags=(("damped", damped), ("soft", soft)),
     )  # fmt: skip
 
@@ -191,11 +191,11 @@ def through_note(scene: Scene) -> str:
 def operations_of(projection: Projection) -> int:
     """Return the operations of one constraint."""
     flags = dict(projection.flags)
-    if projection.make is attachment.make:
+    if projection.formulas is attachment:
         return attachment.OPERATIONS[flags["corners"]]
-    if projection.make is tetrahedron.make:
+    if projection.formulas is tetrahedron:
         return tetrahedron.operations(item=4, **flags)
-    if projection.make is voxel_volume.make:
+    if projection.formulas is voxel_volume:
         return voxel_volume.OPERATIONS + voxel_volume.OPERATIONS_DAMPER * projection.damped
     return of_cloths.operations_of(projection)
 

@@ -10,6 +10,7 @@ from cloth_solve import cloth, each_solver, solve
 
 from softlab.bench.reference import cloth as judge
 from softlab.bench.reference import mass_spring as reference
+from softlab.model.base.variant import plain_formulas
 from softlab.model.core.energy import energies
 from softlab.model.formulas import colliders as formulas
 from softlab.model.scene.scene import Scene
@@ -82,7 +83,7 @@ def test_distances_are_those_to_the_nearest_point(kind):
 def test_formulas_are_the_references(kind):
     """The backends' distances (model/formulas/colliders.py) at random places, and at the centre, within 8 roundings."""
     body = BODIES[kind][0] if kind in BODIES else Plane(point=(0.1, 0.2, 0.3), normal=(1.0, 2.0, -1.0))
-    made = formulas.make(np.float64)
+    made = plain_formulas(formulas, np.float64)
     start = np.array(getattr(body, {"plane": "point", "capsule": "start"}.get(kind, "center")))
     own = {
         "plane": lambda: np.array(body.normal) / np.linalg.norm(body.normal),

@@ -8,10 +8,11 @@ import pytest
 from collider_touch import CASES, DT, STEP, numbers_of, scene_of
 
 from softlab.cpu_backend.contact.colliders import make_touches
+from softlab.model.base.variant import plain_formulas
 from softlab.model.contact.sheet_plan import cloth_parts
 from softlab.model.formulas import colliders
 
-FORMULAS = [colliders.make(real) for real in (np.float64, np.float32)]
+FORMULAS = [plain_formulas(colliders, real) for real in (np.float64, np.float32)]
 DOUBLE = FORMULAS[0]
 TURN = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))[0]  # so that no axis is special
 TURN *= np.sign(np.linalg.det(TURN))

@@ -11,6 +11,7 @@ from contact_scenes import SPACING, crumpled, folded
 
 from softlab.bench.reference.contact import self_contacts as reference
 from softlab.cpu_backend.contact.self_contact import Contacts
+from softlab.model.base.variant import plain_formulas
 from softlab.model.contact.self_contact_parameters import MAX_CONTACTS, table_size
 from softlab.model.core.build import build, folded_positions
 from softlab.model.formulas import contact
@@ -58,7 +59,7 @@ def kept(contacts: Contacts, array: np.ndarray) -> np.ndarray:
 
 def test_the_nearest_point_is_the_least_of_a_dense_sampling() -> None:
     """No point on a grid of 1/200 of the sides is nearer, and the nearest of them is as near to a grid step."""
-    formulas, random = contact.make(np.float64), np.random.default_rng(3)
+    formulas, random = plain_formulas(contact, np.float64), np.random.default_rng(3)
     b, c = (a.ravel() for a in np.meshgrid(np.linspace(0, 1, 201), np.linspace(0, 1, 201)))
     b, c = b[b + c <= 1], c[b + c <= 1]
     features = set()
@@ -76,7 +77,7 @@ def test_the_nearest_point_is_the_least_of_a_dense_sampling() -> None:
 
 @pytest.mark.parametrize("degenerate", [(0.0, 0.0), (1.0, 0.0), (1.0, 2.0)], ids=["point", "side", "line"])
 def test_triangles_without_an_area_have_a_nearest_point_too(degenerate: tuple[float, float]) -> None:
-    formulas, u = contact.make(np.float64), np.array([1.0, 2.0, -1.0])
+    formulas, u = plain_formulas(contact, np.float64), np.array([1.0, 2.0, -1.0])
     u, v = u * degenerate[0], u * degenerate[1]
     p = np.array([0.3, 0.1, 2.0])
     _, s, t = formulas.nearest(*u, *v, *p)
@@ -88,13 +89,13 @@ def test_triangles_without_an_area_have_a_nearest_point_too(degenerate: tuple[fl
 
 def test_every_feature_has_one_owner() -> None:
     """Of all triangles around a corner or a side, exactly one answers for it: none is lost, none is counted twice."""
-    rows, columns, owns = 4, 5, contact.make_numbers().owns
+    rows, columns, owns = 4, 5, plain_formulas(contact, None).owns
     names = {(0,): contact.FIRST, (1,): contact.SECOND, (2,): contact.THIRD, (0, 1): contact.FIRST_SECOND}
     names |= {(0, 2): contact.FIRST_THIRD, (1, 2): contact.SECOND_THIRD}
     owners: dict[frozenset, int] = {}
     for number, corners in enumerate(reference.triangles(rows, columns).tolist()):
         i, j = divmod(number // 2, columns - 1)
-        assert contact.make_numbers().corners(np.int64(number), np.int64(columns)) == tuple(corners)
+        assert plain_formulas(contact, None).corners(np.int64(number), np.int64(columns)) == tuple(corners)
         for places, feature in names.items():
             key = frozenset(corners[place] for place in places)
             owners[key] = owners.get(key, 0) + int(owns(number % 2 == 1, feature, i, j))

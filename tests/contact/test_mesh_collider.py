@@ -15,6 +15,7 @@ from cloth_solve import cloth, each_solver
 from surface_touch import check_compiled, check_falling_cloth, check_formulas, fall_by, touch_by
 
 from softlab.bench.reference import cloth as judge
+from softlab.model.base.variant import plain_formulas
 from softlab.model.formulas import triangle_tree as formulas
 from softlab.model.formulas.triangle_tree import CORNERS, NODE, SETTLED
 from softlab.model.geometry.triangle_tree import order_of, parts_of, tree_numbers
@@ -82,7 +83,7 @@ def test_the_tree_holds_every_triangle_once_and_skips_to_where_a_part_ends(count
 @pytest.mark.parametrize("far", [1.0, 3.0])
 def test_the_tree_finds_what_looking_at_every_triangle_finds(real: Any, far: float) -> None:
     """The same triangle, and its numbers to the bit: boxes are larger by more than the rounding of a distance."""
-    corners, made = soup(60), formulas.make(real)
+    corners, made = soup(60), plain_formulas(formulas, real)
     numbers = tree_numbers(corners, real)
     first = NODE * (2 * len(corners) - 1)
     triangles = numbers[first:].reshape(-1, CORNERS)
@@ -103,7 +104,7 @@ def test_the_tree_finds_what_looking_at_every_triangle_finds(real: Any, far: flo
 
 def test_the_nearest_point_is_the_nearest_of_many() -> None:
     """No point of a triangle is nearer than the one found, and of a fine net of them one is as near but for its width."""
-    made, random = formulas.make(np.float64), np.random.default_rng(3)
+    made, random = plain_formulas(formulas, np.float64), np.random.default_rng(3)
     steps = np.arange(41) / 40
     u, v = (x.ravel() for x in np.meshgrid(steps, steps))
     weights = np.stack([1 - u - v, u, v], axis=1)[u + v <= 1 + 1e-9]
@@ -123,7 +124,12 @@ def test_no_mass_passes_at_100_metres_a_second(real: Any) -> None:
     """A way of 1.67 m through a terrain, a third of the ways through corners and edges of its triangles, from above and from
     below: a mass ends on its side, at the thickness, and so it does after three steps more with what is left of its speed."""
     mesh = MeshCollider(shape=TERRAIN, thickness=0.02)
-    meet, random, made, tree = touch(mesh, real), np.random.default_rng(4), formulas.make(real), mesh.numbers(real)
+    meet, random, made, tree = (
+        touch(mesh, real),
+        np.random.default_rng(4),
+        plain_formulas(formulas, real),
+        mesh.numbers(real),
+    )
     corners = mesh.corners.astype(real).astype(float)
     inner = corners[(np.abs(corners[..., [0, 2]]) < 3.5).all(axis=(1, 2))]
     for k, triangle in enumerate(inner[random.permutation(len(inner))[:90]]):
@@ -283,7 +289,7 @@ def test_formulas_are_the_references(spin: Any, in_place: bool) -> None:
 def test_compiled_formulas_have_the_bits_of_plain_ones(real: Any) -> None:
     ways = np.abs(np.random.default_rng(9).normal(size=(150, 12))) * 0.3
     ways[:, :9] = np.random.default_rng(10).normal(size=(150, 9))
-    assert 30 < check_compiled(formulas.make, tree_numbers(soup(30, 2), real), ways.astype(real)) < 150
+    assert 30 < check_compiled(formulas, tree_numbers(soup(30, 2), real), ways.astype(real)) < 150
 
 
 @each_solver

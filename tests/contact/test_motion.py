@@ -17,6 +17,7 @@ from softlab.bench.reference import cloth as reference_cloth
 from softlab.bench.reference import mass_spring as reference
 from softlab.model.base.clock import START
 from softlab.model.base.errors import Diverged
+from softlab.model.base.variant import Variant, plain_formulas
 from softlab.model.core.build import build
 from softlab.model.core.integrators import INTEGRATORS
 from softlab.model.core.simulation import State
@@ -43,7 +44,7 @@ def test_sine_and_cosine_are_within_two_units_in_the_last_place_of_one(real: Any
     if np.finfo(np.longdouble).nmant < 63:
         pytest.skip("needs a longdouble of 64 bits to judge by")
     u = np.finfo(real).eps / 2
-    formulas = motion.make(real)
+    formulas = plain_formulas(motion, real)
     for turns in turns_to_try(real):
         sine, cosine = formulas.sine_cosine(turns)
         rest = np.longdouble(turns) - np.round(np.longdouble(turns))
@@ -56,7 +57,7 @@ def test_sine_and_cosine_are_within_two_units_in_the_last_place_of_one(real: Any
 
 @BOTH
 def test_compiled_formulas_give_the_bits_of_plain_python(real: Any) -> None:
-    plain, fast = motion.make(real), motion.make(real, numba.njit(error_model="numpy"))
+    plain, fast = plain_formulas(motion, real), Variant(real, numba.njit(error_model="numpy")).of(motion)
     random = np.random.default_rng(6)
     for turns in turns_to_try(real)[::7]:
         assert plain.sine_cosine(turns) == fast.sine_cosine(turns)
@@ -71,7 +72,7 @@ def test_compiled_formulas_give_the_bits_of_plain_python(real: Any) -> None:
 
 def test_the_velocity_is_the_positions_derivative() -> None:
     """By central differences in float64: h^2 w^3 r / 6 = 2e-9 m/s of truncation, 1e-16 / h of rounding."""
-    formulas = motion.make(np.float64)
+    formulas = plain_formulas(motion, np.float64)
     axis = np.array([1.0, -2.0, 0.5]) / np.sqrt(5.25)
     path = (0.3, -0.2, 1.0), (0.1, 0.2, 0.3), axis, (0.4, 0.5, -0.6), 3.0
 

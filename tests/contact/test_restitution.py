@@ -15,6 +15,7 @@ from cloth_solve import cloth, each_solver, solve
 from softlab.bench.reference import cloth as judge
 from softlab.bench.reference import mass_spring as reference
 from softlab.model.base.errors import SceneError
+from softlab.model.base.variant import plain_formulas
 from softlab.model.contact.sheet_plan import cloth_parts
 from softlab.model.formulas import colliders as formulas
 from softlab.model.scene.scene import Scene
@@ -129,7 +130,7 @@ def test_friction_is_limited_by_the_whole_change(solver: str) -> None:
 
 def test_the_formulas_are_the_references() -> None:
     """Slow and fast, sticking and sliding, within 16 roundings of 10 m/s; with a restitution of 0 the bits of `respond`."""
-    made, random = formulas.make(np.float64), np.random.default_rng(3)
+    made, random = plain_formulas(formulas, np.float64), np.random.default_rng(3)
     slow, settled, bounced = made.settling_speed(-G, 0.05), 0, 0
     for _ in range(500):
         velocity, normal = random.normal(0, 2, 3), random.normal(size=3)

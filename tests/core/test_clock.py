@@ -10,6 +10,7 @@ import pytest
 from softlab.app.output.files import read_state, write_state
 from softlab.model.base.clock import START, Clock, clock_of
 from softlab.model.base.errors import InputError
+from softlab.model.base.variant import plain_formulas
 from softlab.model.contact.cloth_parameters import cloth_record
 from softlab.model.contact.substep_parameters import xpbd_record
 from softlab.model.core.build import build
@@ -26,9 +27,9 @@ REALS = pytest.mark.parametrize("real", [np.float32, np.float64])
 def test_times_stay_to_the_bit_where_the_step_size_does(real: type, step: int) -> None:
     """By the formulas as they were before there was a clock."""
     dt, offset, half = real(0.01), real(0.5), real(0.5)
-    assert cloth.make(real).instant(step, dt, real(0), real(0)) == real(step) * dt
-    assert motion.make(real).middle(step, dt, real(0), real(0)) == (real(step) + half) * dt
-    assert wind.make(real).stage_time(step, offset, dt, real(0), real(0)) == real(step) * dt + offset * dt
+    assert plain_formulas(cloth, real).instant(step, dt, real(0), real(0)) == real(step) * dt
+    assert plain_formulas(motion, real).middle(step, dt, real(0), real(0)) == (real(step) + half) * dt
+    assert plain_formulas(wind, real).stage_time(step, offset, dt, real(0), real(0)) == real(step) * dt + offset * dt
 
 
 @REALS
@@ -41,7 +42,7 @@ def test_kernels_read_the_time_that_the_simulation_tells(real: type, changed: in
     dt, first_step, first_time = (record[0][name] for name in ("dt", "first_step", "first_time"))
     number = 2 * changed + 3
     counted = float(real(number)) - number
-    told = cloth.make(real).instant(number, dt, first_step, first_time)
+    told = plain_formulas(cloth, real).instant(number, dt, first_step, first_time)
     assert told == pytest.approx(1.25 + 0.006 + counted * 0.002, rel=3 * float(np.finfo(real).eps))
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from vbd_scenes import stress_of
 
+from softlab.model.base.variant import plain_formulas
 from softlab.model.formulas.constraints.tetrahedron import MATERIALS
 from softlab.model.formulas.elastic import descent, energy, tangent
 
@@ -33,7 +34,7 @@ TABLE = [  # NUMERICS of the lab, 1e5 Pa, 0.3: F; fixed corotated W, and P's dia
 
 
 def of(material: str, real: type = np.float64):
-    return energy.make(real, lambda f: f, MATERIALS.index(material))
+    return plain_formulas(energy, real, material=MATERIALS.index(material))
 
 
 def stress(material: str, f: np.ndarray) -> np.ndarray:
@@ -97,7 +98,7 @@ def test_a_rotation_changes_nothing(material: str) -> None:
 def block_and_force(
     material: str, points: np.ndarray, values: np.ndarray, corner: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    formulas = descent.make(np.float64, lambda f: f, MATERIALS.index(material))
+    formulas = plain_formulas(descent, np.float64, material=MATERIALS.index(material))
     nothing = (0.0,) * descent.STRAINS
     sums = formulas.element(tuple(map(tuple, points)), tuple(values), nothing, corner, 1.0)
     x, y, z, xy, xz, yz = sums[3:]
@@ -140,7 +141,7 @@ def test_the_block_is_no_less_than_the_curvature(material: str, corner: int) -> 
 def test_a_damper_brakes_strains_and_no_rigid_motion(material: str) -> None:
     """A turned and moved tetrahedron is where it was to a damper; a small strain since then is worth time / h of its
     force, but for what is of second order in strains of 1e-4. Its forces have no moment, however large the strain."""
-    formulas = descent.make(np.float64, lambda f: f, MATERIALS.index(material), True)
+    formulas = plain_formulas(descent, np.float64, material=MATERIALS.index(material), damped=True)
     rest = np.array([[0.0, 0, 0], [1, 0, 0], [0.2, 1.1, 0], [0.1, 0.3, 0.9]])
     inverse = np.linalg.inv((rest[1:] - rest[0]).T)
     values = tuple(np.concatenate([inverse.ravel(), CONSTANTS[material], [0.02]]))
@@ -166,7 +167,7 @@ def test_a_damper_brakes_strains_and_no_rigid_motion(material: str) -> None:
 @pytest.mark.parametrize("real", [np.float32, np.float64])
 def test_a_visit_solves_its_system(real: type) -> None:
     """Against numpy's solver; blocks as stiff against inertia as 1e6 to 1."""
-    formulas, random = descent.make(real), np.random.default_rng(5)
+    formulas, random = plain_formulas(descent, real), np.random.default_rng(5)
     for stiff in (0.0, 1.0, 1e6):
         half = random.normal(size=(3, 3))
         block, force = stiff * half @ half.T, stiff * random.normal(size=3)
@@ -182,7 +183,7 @@ def test_a_visit_solves_its_system(real: type) -> None:
 def test_axes_of_what_is_nearly_no_strain(real: type) -> None:
     """A = V diag(e) V', V a rotation, to rounding: entries off the diagonal from a tenth down to below all normal numbers,
     over differences of roundings and none. Four sweeps of three turns, each of some ten roundings."""
-    axes, eps = tangent.make_axes(real).axes, float(np.finfo(real).eps)
+    axes, eps = plain_formulas(tangent, real).axes, float(np.finfo(real).eps)
     rng = np.random.default_rng(5)
     for size in 10.0 ** np.arange(-45, 0, 4):
         xx, yy, zz = (real(1 + eps * step) for step in rng.integers(-2, 3, 3))

@@ -16,9 +16,8 @@ from scipy.spatial import Delaunay
 from softlab.app.driver import open_simulation
 from softlab.bench.reference import tetrahedra as reference
 from softlab.bench.reference.finite_elements import Body, lumped_mass
-from softlab.model.formulas import plain
-from softlab.model.formulas.constraints import tetrahedron
-from softlab.model.formulas.constraints.tetrahedron_block import make_lyapunov
+from softlab.model.base.variant import plain_formulas
+from softlab.model.formulas.constraints import tetrahedron, tetrahedron_block
 from softlab.model.scene.scene import Scene
 
 SIDE, H = 0.3, 1 / 60
@@ -95,7 +94,7 @@ def visited(position: np.ndarray, how: str, kept: bool) -> np.ndarray:
     assert np.linalg.det(turned) > 0
     b = np.linalg.inv(upper)
     values = [*b[np.triu_indices(3)], 1 / (2 * body.mu[0] * body.volume[0]), 0.0, 1.0, 0.0]
-    project = tetrahedron.make(np.float64, plain, blocks=True, soft=kept, alone=False).project
+    project = plain_formulas(tetrahedron, np.float64, blocks=True, soft=kept, alone=False).project
     points, _ = project(position, FLAT, inverse_mass, values, np.zeros(10), (1 / H**2, 1 / H, 1.0))
     return np.array(points)
 
@@ -134,7 +133,7 @@ def matrix(h: Any) -> np.ndarray:
 @pytest.mark.parametrize("ratio", [1.0, 1e3, 1e6])
 def test_the_lyapunov_equation_is_solved(ratio: float) -> None:
     """Both parts, against SciPy's solution by Schur's decomposition: to rounding times the ratio of H's eigenvalues."""
-    random, formulas = np.random.default_rng(3), make_lyapunov(np.float64, plain)
+    random, formulas = np.random.default_rng(3), plain_formulas(tetrahedron_block, np.float64)
     for _ in range(20):
         axes = np.linalg.qr(random.normal(size=(3, 3)))[0]
         h = 1e7 * (axes * [1.0, 1 / ratio, ratio ** -random.uniform()]) @ axes.T
@@ -151,7 +150,7 @@ def test_the_lyapunov_equation_is_solved(ratio: float) -> None:
 @pytest.mark.parametrize("free", [1, 2])
 def test_a_system_without_full_rank_gives_finite_numbers(free: int, real: Any) -> None:
     """Of pinned corners, whose compliance may be below rounding: what moves goes where it should, nothing is infinite."""
-    random, formulas = np.random.default_rng(5), make_lyapunov(real, plain)
+    random, formulas = np.random.default_rng(5), plain_formulas(tetrahedron_block, real)
     rows = random.normal(size=(free, 3))
     h = 1e9 * rows.T @ rows
     six = [real(h[i, j]) for i, j in PARTS]
@@ -167,5 +166,5 @@ def test_a_system_without_full_rank_gives_finite_numbers(free: int, real: Any) -
 
 def test_nothing_moves_where_nothing_can() -> None:
     """H is 0 where all corners are pinned and the compliance is below the smallest number."""
-    formulas, none = make_lyapunov(np.float32, plain), [np.float32(0)] * 7
+    formulas, none = plain_formulas(tetrahedron_block, np.float32), [np.float32(0)] * 7
     assert formulas.symmetric(none, none[:6]) == (0,) * 6 and formulas.skew(none, none[:3]) == (0,) * 3

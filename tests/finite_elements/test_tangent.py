@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from softlab.model.base.variant import plain_formulas
 from softlab.model.formulas.constraints.tetrahedron import COROTATED, FIXED, HOOKEAN, MATERIALS
 from softlab.model.formulas.elastic import deformation, newton, tangent
 
 pytestmark = pytest.mark.filterwarnings("ignore:overflow")  # of a turn by nothing; machine code says none
-T = tangent.make(np.float64)
-ROTATION = deformation.make_rotation(np.float64)
+T = plain_formulas(tangent, np.float64)
+ROTATION = plain_formulas(deformation, np.float64).rotation
 MU, LAME = 1e5 / 2.6, 0.3e5 / (1.3 * 0.4)
 ALPHA = 1 + MU / (LAME + MU)
 BASIS = np.eye(9).reshape(9, 3, 3)
@@ -111,7 +112,7 @@ def test_flattened_to_a_point_all_is_finite() -> None:
 
 
 def test_the_inverse_of_a_symmetric_matrix_and_whether_it_is_positive() -> None:
-    inverse = newton.make(np.float64).inverse
+    inverse = plain_formulas(newton, np.float64).inverse
     random = np.random.default_rng(4)
     for _ in range(20):
         a = random.normal(size=(3, 3))

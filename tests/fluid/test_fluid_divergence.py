@@ -12,6 +12,7 @@ from fluid_scenes import D, column_scene, ends, free, shaken
 from softlab.bench.reference.fluid import _Pairs, _places, _World
 from softlab.bench.reference.fluid_divergence import DivergenceFree
 from softlab.model.base.errors import SceneError
+from softlab.model.base.variant import plain_formulas
 from softlab.model.core.families import family_of
 from softlab.model.formulas.fluid import divergence
 from softlab.model.scene.scene import Scene
@@ -104,7 +105,7 @@ def test_iterations_converge_as_theory_says() -> None:
 
 
 def test_where_iterations_start_from() -> None:
-    f = divergence.make(float)
+    f = plain_formulas(divergence, float)
     assert [f.lead(k, 4) for k in range(4)] == [0.0, 1 / 4, 2 / 5, 0.0]
     assert f.led(-2.0, -1.0, 0.5) == -2.5 and f.pressed(-1.0, 2.0, 0.25) == -1.5 and f.pressed(0.0, 2.0, -1.0) == 0.0
     assert f.compressed(-0.2, 9.0, 0.1, 9.0) == -1.0 and f.compressed(-0.08, 3.0, 0.1, 0.25) == pytest.approx(0.55)

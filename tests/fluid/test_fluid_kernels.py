@@ -9,6 +9,7 @@ import pytest
 from fluid_scenes import D, column_scene
 
 from softlab.bench.reference.fluid import run
+from softlab.model.base.variant import plain_formulas
 from softlab.model.fluid.parameters import fluid_record
 from softlab.model.formulas.fluid import density
 from softlab.model.particles.fluid_lattice import lattice_of, poly6, spiky_slope
@@ -45,7 +46,7 @@ def test_lattice_sums_are_those_of_a12(across: float, told: float, neighbours: i
 @pytest.mark.parametrize("axes", [2, 3])
 @pytest.mark.parametrize("across", [1.5, 1 / 0.55, 2.4])
 def test_the_formulas_are_the_kernels(axes: int, across: float) -> None:
-    lattice, f = lattice_of(D, across * D, axes), density.make(float)
+    lattice, f = lattice_of(D, across * D, axes), plain_formulas(density, float)
     h, r = across * D, np.linspace(0.05, 1.2, 40) * across * D
     weights = [lattice.smoothing_scale * f.near(x * x, 1 / h) ** 3 for x in r]
     assert weights == pytest.approx(lattice.volume * poly6(r, h, axes), abs=1e-12)
@@ -59,7 +60,7 @@ def test_the_formulas_are_the_kernels(axes: int, across: float) -> None:
 def test_a_correction_follows_the_gradient_of_its_constraint(axes: int, across: float) -> None:
     """The slopes of neighbours and walls are derivatives of what they add to C, or the force would do work along motions that
     keep C; the lattice has C = 0, and a dilatation e changes it by -axes e."""
-    lattice, f, h, step = lattice_of(D, across * D, axes), density.make(float), across * D, 1e-6 * D
+    lattice, f, h, step = lattice_of(D, across * D, axes), plain_formulas(density, float), across * D, 1e-6 * D
 
     def added(x: float) -> float:
         return float(lattice.density_scale * f.density_added(0.0, f.closeness(x * x, 1 / h)))
@@ -96,7 +97,7 @@ def test_a_lattice_beside_a_wall_lacks_nothing_and_is_not_moved() -> None:
 def test_the_pressure_of_walls_is_mirrored() -> None:
     """Under one pressure the layer at a wall is pushed by neighbours as much as by the wall, the other way."""
     scene = column_scene()
-    record, f = fluid_record(scene, np.float64)[0], density.make(float)
+    record, f = fluid_record(scene, np.float64)[0], plain_formulas(density, float)
     places = np.stack(np.meshgrid(*[np.arange(-2, 3)] * 3), axis=-1).reshape(-1, 3) * D
     above = places[(places[:, 1] >= 0) & (places != 0).any(axis=1)]
     pushed = sum(
@@ -108,7 +109,7 @@ def test_the_pressure_of_walls_is_mirrored() -> None:
 
 
 def test_walls_in_a_corner_are_not_counted_twice() -> None:
-    f = density.make(float)
+    f = plain_formulas(density, float)
     once = f.joined_density(0.0, 0.3)
     assert once == 0.3 and f.joined_density(once, 0.3) == pytest.approx(1 - 0.7**2)
     assert f.joined_density(1.3, 0.3) == f.joined_density(0.3, 1.3) == 1.3

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from softlab.bench.reference.fluid_world import _caught
+from softlab.model.base.variant import plain_formulas
 from softlab.model.formulas.fluid import sweep
 
 HALF, LINE, REACH = (0.3, 0.05, 0.2), (0.4, 0.3, -0.1), 0.15
@@ -30,7 +31,7 @@ def test_a_box_is_met_as_numpy_says() -> None:
     box: Any = SimpleNamespace(center=STILL, half_size=HALF, thickness=0.01, velocity=STILL)
     found, stopped, normal = _caught("box", box, begin, end, 0.0, 1.0)
     assert 300 < found.sum() < 2500
-    face = sweep.make(float).box_face
+    face = plain_formulas(sweep, float).box_face
     for k in range(len(begin)):
         depth, *n = face(*begin[k], *end[k], *HALF)
         assert any(n) == bool(found[k, 0])
@@ -44,7 +45,7 @@ def test_a_capsule_is_met_as_numpy_says() -> None:
     rod: Any = SimpleNamespace(start=STILL, end=LINE, radius=REACH, thickness=0.0, velocity=STILL)
     found, stopped, _ = _caught("capsule", rod, begin, end, 0.0, 1.0)
     assert 100 < found.sum() < 2500
-    entry = sweep.make(float).capsule_entry
+    entry = plain_formulas(sweep, float).capsule_entry
     for k in range(len(begin)):
         part = entry(*begin[k], *end[k], *LINE, REACH)
         assert (part < 1) == bool(found[k, 0])
@@ -58,7 +59,7 @@ def test_nothing_that_comes_from_one_side_of_a_wide_plate_ends_on_the_other(axis
     """Whatever its way is, within the plate's width: by the face that it entered, or by being led out of the nearest one."""
     random, half = np.random.default_rng(3), np.full(3, 2.0)
     half[axis] = 0.01
-    face = sweep.make(float).box_face
+    face = plain_formulas(sweep, float).box_face
     for _ in range(500):
         a, b = random.uniform(-1, 1, (2, 3))
         a[axis] = side * abs(a[axis]) + side * half[axis]

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from test_point_formulas import RANDOM, REAL, TURN, D
 
+from softlab.model.base.variant import plain_formulas
 from softlab.model.formulas.shape_matching import cluster, deformation, lattice, pace, rebound
 from softlab.model.formulas.shape_matching import grid as shape_matching
 
@@ -19,7 +20,7 @@ def vectors(count: int) -> np.ndarray:
 
 def test_a_cluster_finds_where_it_was_turned_and_moved_to_whatever_its_lean() -> None:
     """Rest offsets whose mean is not quite 0 (rounding leaves that), turned and moved: goals are where the particles are."""
-    made, mass, rest = cluster.make(REAL), RANDOM.uniform(1, 2, 5), vectors(5)
+    made, mass, rest = plain_formulas(cluster, REAL), RANDOM.uniform(1, 2, 5), vectors(5)
     lean = mass @ rest / mass.sum()
     now = rest @ TURN.T + [3.0, -1.0, 2.0]
     ways = np.array([[made.weighted(m, p[a], now[0, a]) for a in range(3)] for m, p in zip(mass, now, strict=True)])
@@ -40,7 +41,7 @@ def test_a_cluster_finds_where_it_was_turned_and_moved_to_whatever_its_lean() ->
 
 def test_the_motion_of_a_cluster_is_found_from_its_sums_and_slows_to_it() -> None:
     """Particles that move as one: the sums, counted from the first, give centre, velocity and spin back, in any place."""
-    made, mass, place = pace.make(REAL), RANDOM.uniform(1, 2, 6), vectors(6)
+    made, mass, place = plain_formulas(pace, REAL), RANDOM.uniform(1, 2, 6), vectors(6)
     spin, drift = np.array([0.3, -0.7, 0.5]), np.array([2.0, 0.5, -1.0])
     centre = mass @ place / mass.sum()
     velocity = drift + np.cross(spin, place - centre)
@@ -56,7 +57,7 @@ def test_the_motion_of_a_cluster_is_found_from_its_sums_and_slows_to_it() -> Non
 
 
 def test_a_bodys_rebound_is_its_rigid_share_no_larger_than_allowed() -> None:
-    made = rebound.make(REAL)
+    made = plain_formulas(rebound, REAL)
     assert made.weighed(1.0, 2.0, *D) == pytest.approx(1 + 2 * 1.69)
     assert made.rigid(1.0, 2.0, 3.0, 4.0, 0.5) == 1 + 6 - 2
     assert made.enlarged(6.0, 3.0, 5.0) == 2 and made.enlarged(6.0, 1.0, 5.0) == 5 and made.enlarged(6.0, 0.0, 5.0) == 0
@@ -76,7 +77,7 @@ def test_a_bodys_rebound_is_its_rigid_share_no_larger_than_allowed() -> None:
 def test_windows_of_a_lattice_turned_in_its_plane_have_their_goals_where_the_masses_are() -> None:
     """3 x 3 masses around their middle, rows downwards, turned by 40 degrees and moved: the sums give centre and rotation
     back, and each mass's way to its goal is 0."""
-    made, rest, share = shape_matching.make(REAL), 0.5, 1.0
+    made, rest, share = plain_formulas(shape_matching, REAL), 0.5, 1.0
     cosine, sine = np.cos(np.radians(40)), np.sin(np.radians(40))
     turn = np.array([[cosine, -sine], [sine, cosine]])
     place = np.array([[[rest * j, -rest * i] @ turn.T + [2.0, 1.0] for j in (-1, 0, 1)] for i in (-1, 0, 1)])
@@ -98,7 +99,7 @@ def test_windows_of_a_lattice_turned_in_its_plane_have_their_goals_where_the_mas
 
 
 def test_sums_along_a_lattices_axes_count_from_wherever_they_are_asked_to() -> None:
-    made = lattice.make(REAL)
+    made = plain_formulas(lattice, REAL)
     x, share = np.array([3.0, 3.4, 3.9]), np.array([0.2, 0.5, 0.3])
     parts = [made.part_of(s, p, 3.0) for s, p in zip(share, x, strict=True)]
     assert sum(parts) == pytest.approx(share @ (x - 3.0))
@@ -113,7 +114,7 @@ def test_sums_along_a_lattices_axes_count_from_wherever_they_are_asked_to() -> N
 
 
 def test_strains_sets_and_what_goals_are_made_of() -> None:
-    made, f, r = deformation.make(REAL), np.eye(3) + 0.2 * RANDOM.normal(size=(3, 3)), TURN
+    made, f, r = plain_formulas(deformation, REAL), np.eye(3) + 0.2 * RANDOM.normal(size=(3, 3)), TURN
     upper = ([0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2])
     symmetric = (r.T @ f + f.T @ r) / 2 - np.eye(3)
     assert made.strain(f.ravel(), r.ravel()) == pytest.approx(symmetric[upper])
@@ -132,7 +133,10 @@ def test_strains_sets_and_what_goals_are_made_of() -> None:
 
 
 def test_a_set_grows_by_its_share_of_a_strain_over_the_threshold_and_keeps_its_volume() -> None:
-    made, strain = deformation.make(REAL), np.array([[0.1, 0.02, 0.0], [0.02, -0.05, 0.03], [0.0, 0.03, -0.04]])
+    made, strain = (
+        plain_formulas(deformation, REAL),
+        np.array([[0.1, 0.02, 0.0], [0.02, -0.05, 0.03], [0.0, 0.03, -0.04]]),
+    )
     upper, sp = ([0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]), np.diag([1.25, 0.8, 1.0])
     length = np.linalg.norm(strain)
     new = np.array(made.crept(strain[upper], sp.ravel(), 0.99 * length, 0.2, 9.0)).reshape(3, 3)

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 from test_point_formulas import REAL, D
 
+from softlab.model.base.variant import plain_formulas
 from softlab.model.formulas import contact, particle_contact
 
 # ---------------------------------------------------------------------- contacts
 
 
 def test_particles_that_are_too_near_part_to_their_distance_whatever_their_masses() -> None:
-    made, w, n = particle_contact.make(REAL), (2.0, 0.5), D / 1.3
+    made, w, n = plain_formulas(particle_contact, REAL), (2.0, 0.5), D / 1.3
     for contacts in ((1.0, 1.0), (3.0, 2.0)):
         share = made.split(w[0], contacts[0], w[1], contacts[1])
         assert share == pytest.approx(1 / (w[0] * contacts[0] + w[1] * contacts[1]))
@@ -32,7 +33,7 @@ def test_particles_that_are_too_near_part_to_their_distance_whatever_their_masse
 
 
 def test_how_much_of_a_depth_is_taken() -> None:
-    made = particle_contact.make(REAL)
+    made = plain_formulas(particle_contact, REAL)
     assert (
         made.enforced_distance(1.5, *D, 0.1) == pytest.approx(1.4) and made.enforced_distance(1.5, *D, 0.3) == 1.5
     )  # no more than a push beyond
@@ -45,7 +46,7 @@ def test_how_much_of_a_depth_is_taken() -> None:
 
 
 def test_friction_of_particles_takes_back_what_its_cone_holds() -> None:
-    made, before, n = particle_contact.make(REAL), np.array([0.1, -0.5, 1.0]), D / 1.3
+    made, before, n = plain_formulas(particle_contact, REAL), np.array([0.1, -0.5, 1.0]), D / 1.3
     slip = np.array(made.slip(*D, *before, *n))
     assert slip == pytest.approx((D - before) - ((D - before) @ n) * n)
     size = np.linalg.norm(slip)
@@ -56,7 +57,7 @@ def test_friction_of_particles_takes_back_what_its_cone_holds() -> None:
 
 
 def test_who_must_part_faster_who_goes_too_fast_and_who_sleeps() -> None:
-    made, n = particle_contact.make(REAL), D / 1.3
+    made, n = plain_formulas(particle_contact, REAL), D / 1.3
     came, now = -2.0 * n + [0.4, 0.3, 0.0], -0.1 * n
     came -= (came @ n + 2.0) * n
     assert made.lacking(came, now, n, 0.6, 1.9) == pytest.approx(0.6 * 2 + 0.1)
@@ -67,7 +68,7 @@ def test_who_must_part_faster_who_goes_too_fast_and_who_sleeps() -> None:
 
 
 def test_a_cloths_contact_is_divided_by_gershgorins_bound_and_rubs_by_coulomb() -> None:
-    made, b, c = contact.make(REAL), 0.2, 0.5
+    made, b, c = plain_formulas(contact, REAL), 0.2, 0.5
     assert made.mixed(1.0, 2.0, 4.0, b, c) == pytest.approx(0.3 * 1 + 0.2 * 2 + 0.5 * 4)
     assert made.first_weight(b, c) == pytest.approx(0.3)
     stiffness = made.stiffness(2.0, 3.0, 1.0, 1.5, 0.5, 2.0, 4.0, 0.7, b, c)

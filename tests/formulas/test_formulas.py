@@ -6,6 +6,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from softlab.bench.reference.philox import philox4x32, random_directions
+from softlab.model.base.variant import plain_formulas
 from softlab.model.core.integrators import INTEGRATORS, amplification_matrix
 from softlab.model.formulas import integrators, random, springs
 
@@ -17,7 +18,7 @@ word64 = st.integers(0, 2**64 - 1)
 @given(length, length, st.floats(0, 1e4))
 def test_pull_is_antisymmetric_and_hookes(dx, dy, rest):
     """pull(-d) = -pull(d) to the last bit; and k (|d| - L0) d / |d|, to the rounding of k |d| and k L0."""
-    pull, _ = springs.make(np.float64)
+    pull = springs.spring_acceleration_2d
     stiffness = 10.0
     x, y = pull(dx, dy, stiffness, stiffness * rest)
     back = pull(-dx, -dy, stiffness, stiffness * rest)
@@ -32,7 +33,7 @@ def test_pull_is_antisymmetric_and_hookes(dx, dy, rest):
 def test_coincident_masses_do_not_pull(real):
     """B4, B15: no direction, no force. Where the squared length underflows (1e-23 squared in float32) the unit vector is
     lost, and what is left is stiffness times the distance: finite, and nothing beside any other force."""
-    pull, _ = springs.make(real)
+    pull = plain_formulas(springs, real).spring_acceleration_2d
     assert pull(real(0), real(0), real(1000), real(1000)) == (0, 0)
     d = real(1e-23 if real is np.float32 else 1e-170)
     assert d * d == 0
@@ -42,27 +43,27 @@ def test_coincident_masses_do_not_pull(real):
 @settings(deadline=None, max_examples=50)
 @given(word64, word64, st.integers(0, 2**31 - 1))
 def test_philox_is_the_references(seed, step, particle):
-    words = random.make_philox()(np.uint64(seed), np.uint64(step), np.uint64(particle))
+    words = random.philox(np.uint64(seed), np.uint64(step), np.uint64(particle))
     counter = np.array([step & 0xFFFFFFFF, step >> 32, particle, 0], dtype=np.uint64)
     assert [int(w) for w in words] == philox4x32(counter, (seed & 0xFFFFFFFF, seed >> 32)).tolist()
 
 
 def test_a_damper_brakes_and_a_random_force_is_added():
-    _, damped = springs.make(np.float64)
+    damped = springs.damped
     assert damped(1.5, 2.0, 0.25) == 1.0 and damped(0.0, -2.0, 0.25) == 0.5
-    made, word = random.make(np.float64), np.uint64(0xFFFFFFFF)
+    made, word = plain_formulas(random, np.float64), np.uint64(0xFFFFFFFF)
     assert made.add_external(1.0, 3.0, word) == 1 + 3 * made.uniform(word)
 
 
 @pytest.mark.parametrize("real", [np.float32, np.float64])
 def test_uniform_is_exact_in_both_precisions(real):
     """Odd multiples of 2^-23 fit into float32's 24 bits, so both precisions see the same random force, never +-1."""
-    uniform = random.make(real).uniform
+    uniform = plain_formulas(random, real).uniform
     words = [0, 511, 512, 0xFFFFFFFF, 0x80000000, 123456789]
     values = [float(uniform(np.uint64(word))) for word in words]
     assert values == [(2 * (word >> 9) + 1) * 2.0**-23 - 1 for word in words]
     assert min(values) > -1 and max(values) < 1
-    philox = random.make_philox()
+    philox = random.philox
     drawn = [[float(uniform(w)) for w in philox(np.uint64(9), np.uint64(77), np.uint64(k))[:2]] for k in range(8)]
     assert np.array_equal(drawn, random_directions(9, 77, 8))
 
@@ -76,7 +77,7 @@ def test_formulas_are_the_amplification_matrices(dt, w, gamma, x, v):
     `lab` divides a difference of positions by dt, and with it the rounding of both, four operations of eps |p| each, in the
     formula and in the matrix.
     """
-    make = integrators.make(np.float64)
+    make = plain_formulas(integrators, np.float64, damped=True)
     for name in INTEGRATORS:
         a = -w * w * x - gamma * v
         if name == "velocity-verlet":

@@ -7,6 +7,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from softlab.model.base.variant import plain_formulas
 from softlab.model.formulas import bending, cloth, distance, springs, wind
 
 RANDOM = np.random.default_rng(12)
@@ -20,7 +21,7 @@ REAL = np.float64
 
 
 def test_a_spring_in_space_pulls_by_hookes_law_and_its_damper_against_the_lengthening() -> None:
-    made, w = springs.make_3d(REAL), np.array([2.0, -1.0, 0.5])
+    made, w = plain_formulas(springs, REAL), np.array([2.0, -1.0, 0.5])
     n, k, rest, c = D / 1.3, 50.0, 1.0, 3.0
     assert made.spring_acceleration_3d(*D, k, k * rest) == pytest.approx(k * (1.3 - rest) * n)
     assert made.damped_pull_3d(*D, *w, k, k * rest, c) == pytest.approx((k * (1.3 - rest) + c * (w @ n)) * n)
@@ -40,27 +41,27 @@ def test_a_plate_in_the_wind_is_dragged_along_and_lifted_across(degrees: float) 
     across = np.array([0.0, -np.sign(np.sin(angle)), 0.0])  # where the stream pushes the plate's face
     expected = 2 * area * speed**2 * abs(np.sin(angle)) * (drag * stream / speed + lift * np.cos(angle) * across)
     for edges in ((ab, ac), (ac, ab)):
-        made = wind.make(REAL).triangle_wind(TURN @ edges[0], TURN @ edges[1], TURN @ stream, drag, lift)
+        made = plain_formulas(wind, REAL).triangle_wind(TURN @ edges[0], TURN @ edges[1], TURN @ stream, drag, lift)
         assert made == pytest.approx(TURN @ expected, abs=1e-12)
     assert np.cross(ab, ac) @ normal != 0
 
 
 def test_gusts_go_smoothly_from_one_number_to_the_next() -> None:
-    made = wind.make(REAL)
+    made = plain_formulas(wind, REAL)
     first, second = np.uint64(123456789), np.uint64(3987654321)
     a, b = made.gust(first, second, 0.0), made.gust(first, second, 1.0)
     assert a == made.gust(first, np.uint64(0), 0.0) and b == made.gust(np.uint64(0), second, 1.0) and a != b
     for part in (0.25, 0.5, 0.9):
         assert made.gust(first, second, part) == pytest.approx(a + (3 * part**2 - 2 * part**3) * (b - a))
     assert made.gust_interval(2.75, 0.5) == (5, pytest.approx(0.5))
-    assert cloth.make(REAL).gusty(4.0, 0.25, -0.5) == 4 * (1 - 0.125)
+    assert plain_formulas(cloth, REAL).gusty(4.0, 0.25, -0.5) == 4 * (1 - 0.125)
 
 
 # ---------------------------------------------------------------------- position-based constraints
 
 
 def test_a_prediction_and_what_it_came_to() -> None:
-    made, h = distance.make(REAL), 0.01
+    made, h = plain_formulas(distance, REAL), 0.01
     keep = made.damping_factor(h * 0.3, 5.0)  # c = 0.3 N s/m, 0.2 kg
     assert keep == pytest.approx(1 - h * 0.3 / 0.2)
     velocity = made.kicked(2.0, keep, h, -9.81)
@@ -70,7 +71,7 @@ def test_a_prediction_and_what_it_came_to() -> None:
 
 
 def test_an_inextensible_constraint_gets_its_length_and_moves_its_ends_by_their_weights() -> None:
-    made, w, rest = distance.make(REAL), (2.0, 3.0), 1.0
+    made, w, rest = plain_formulas(distance, REAL), (2.0, 3.0), 1.0
     _, scale = made.rigid_change(D @ D, rest, made.reciprocal(sum(w), 1.0, 0.0))
     first = [made.moved(0.0, w[0], -scale, d) for d in D]
     second = [made.moved(d, w[1], scale, d) for d in D]
@@ -83,13 +84,13 @@ def test_an_inextensible_constraint_gets_its_length_and_moves_its_ends_by_their_
 def test_a_compliant_constraint_solves_its_equation(damping: float | None) -> None:
     """XPBD, eq. 18 and 26, with C - C_before in place of grad C . (x - x_before): (1 + gamma) w dlambda + a dlambda = -C - a
     lambda - gamma (C - C_before)."""
-    made, w, rest, compliance, multiplier = distance.make(REAL), 5.0, 1.0, 0.7, -0.05
+    made, w, rest, compliance, multiplier = plain_formulas(distance, REAL), 5.0, 1.0, 0.7, -0.05
     gamma, passed = damping or 0.0, np.array([0.02, 0.01, -0.03])
     r = made.reciprocal(w, 1 + gamma, compliance)
     if damping is None:
         change, scale = made.soft_change(D @ D, rest, r, compliance, multiplier)
     else:
-        products = made.along_3d(*D, *passed), made.along_3d(*passed, *passed)
+        products = D @ passed, passed @ passed
         change, scale = made.damped_change(D @ D, rest, r, compliance, multiplier, gamma, *products)
     left = -(1.3 - rest) - compliance * multiplier - gamma * (1.3 - float(np.linalg.norm(D - passed)))
     assert ((1 + gamma) * w + compliance) * change == pytest.approx(left)
@@ -97,7 +98,7 @@ def test_a_compliant_constraint_solves_its_equation(damping: float | None) -> No
 
 
 def test_jacobi_sums_or_averages_and_a_tether_only_pulls() -> None:
-    made = distance.make(REAL)
+    made = plain_formulas(distance, REAL)
     assert made.gathered(1.0, 2.0, 0.3) == pytest.approx(1.6) and made.weighted_valence(4.0, 2.0) == 8
     assert made.averaged(1.0, 2.0, 0.3, 4.0) == pytest.approx(1.15) and made.averaged(1.0, 2.0, 0.3, 0.0) == 1
     factor = made.tether(4.0, 0.5)
@@ -113,7 +114,7 @@ def hinge() -> tuple[np.ndarray, np.ndarray]:
 
 def test_one_projection_of_an_isometric_hinge_is_exact() -> None:
     """It is linear: without compliance nothing is left of k but its length at rest, along where it pointed."""
-    made, (x, k), w = bending.make_isometric(REAL), hinge(), np.array([1.0, 2.0, 0.5, 3.0])
+    made, (x, k), w = plain_formulas(bending, REAL), hinge(), np.array([1.0, 2.0, 0.5, 3.0])
     way = np.array([made.curvature(*k[1:], *(x[1:, axis] - x[0, axis])) for axis in range(3)])
     assert way == pytest.approx(k @ x)
     reciprocal = 1 / made.square_sum(*w, *k)
@@ -132,7 +133,7 @@ def test_one_projection_of_an_isometric_hinge_is_exact() -> None:
 
 def test_a_dihedral_hinge_is_projected_along_the_gradient_of_its_constraint() -> None:
     """C = |e| (4 tan(theta/4) - at rest). Its slope by theta, by differences; one Newton step takes C to second order."""
-    made, edge, rest = bending.make_dihedral(REAL), 0.3, 0.1
+    made, edge, rest = plain_formulas(bending, REAL), 0.3, 0.1
     for theta in (-2.5, 0.3, 3.0):
         up, down = (4 * edge * np.tan((theta + step) / 4) for step in (1e-6, -1e-6))
         assert made.steepness(edge, np.tan(theta / 4)) == pytest.approx((up - down) / 2e-6, rel=1e-8)

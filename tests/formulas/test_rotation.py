@@ -23,6 +23,7 @@ from softlab.bench.stress.rotations import (
     sets_of_matrices,
 )
 from softlab.cpu_backend.core.compile import Compiler
+from softlab.model.base.variant import Variant, plain_formulas
 from softlab.model.formulas import rotation
 
 BOTH = pytest.mark.parametrize("real", [np.float32, np.float64])
@@ -41,7 +42,7 @@ ORTHOGONAL = {np.float32: 1e-6, np.float64: 1e-12}
 def solver(real: Any, math: str = "exact") -> Any:
     """solve(A (n, 9), before (n, 4), whole) -> ((n, 4), (n,) bool): `rotation_3d`, or its near half and what it reached."""
     compiler = Compiler(f"rotation_{real.__name__}", math)
-    formulas = rotation.make(real, compiler.inlined)
+    formulas = compiler.formulas(rotation, real, inline=True)
     whole_one, near = formulas.rotation_3d, formulas.rotation_3d_near
 
     @numba.njit(**compiler.options)
@@ -99,7 +100,7 @@ def assert_nearest(A: np.ndarray, q: np.ndarray, real: Any) -> None:
 
 def formula_matrices(q: np.ndarray, real: Any) -> np.ndarray:
     """(n, 3, 3) by the formula, on whole arrays."""
-    return np.stack(rotation.make(real).matrix_of(*q.T), axis=1).reshape(-1, 3, 3).astype(float)
+    return np.stack(plain_formulas(rotation, real).matrix_of(*q.T), axis=1).reshape(-1, 3, 3).astype(float)
 
 
 @VARIANTS
@@ -245,7 +246,7 @@ def test_in_two_dimensions(entries: list[float], angle: float) -> None:
     """s1 + sign(det) s2 = |(xx + yy, yx - xy)|, to what is kept and rounding; what is given where that is 0."""
     for real in (np.float32, np.float64):
         a, given_one = np.array(entries, real), (real(np.cos(angle)), real(np.sin(angle)))
-        c, s = rotation.make_2d(real)(*a, *given_one)
+        c, s = plain_formulas(rotation, real).rotation_2d(*a, *given_one)
         assert type(c) is real and type(s) is real
         eps, A = np.finfo(real).eps, unscaled(a.reshape(1, 2, 2), real)[0]
         assert abs(float(c) ** 2 + float(s) ** 2 - 1) < 4 * eps
@@ -263,7 +264,7 @@ def test_in_two_dimensions(entries: list[float], angle: float) -> None:
 
 @BOTH
 def test_mirrors_and_nothing_keep_the_turn_in_two_dimensions(real: Any) -> None:
-    rotation_2d, before = rotation.make_2d(real), (real(0.6), real(0.8))
+    rotation_2d, before = plain_formulas(rotation, real).rotation_2d, (real(0.6), real(0.8))
     turns = np.random.default_rng(4).uniform(-4, 4, 200)
     for scale in (1e-12, 1.0, 1e12, 0.0):
         for c, s in zip(np.cos(turns), np.sin(turns), strict=True):
@@ -279,7 +280,7 @@ def test_mirrors_and_nothing_keep_the_turn_in_two_dimensions(real: Any) -> None:
 @BOTH
 def test_quaternions_turn_as_their_matrices(real: Any) -> None:
     """To rounding: of four products of up to 1 and their sums, 8 units."""
-    random, formulas = np.random.default_rng(3), rotation.make(real)
+    random, formulas = np.random.default_rng(3), plain_formulas(rotation, real)
     q, v = quaternions(random, 500).astype(real), random.uniform(-1, 1, (500, 3)).astype(real)
     eps, exact = np.finfo(real).eps, matrices_of(q)
     assert np.abs(formula_matrices(q, real) - exact).max() < 8 * eps
@@ -291,13 +292,13 @@ def test_quaternions_turn_as_their_matrices(real: Any) -> None:
 
 @BOTH
 def test_compiled_formulas_give_the_bits_of_plain_python(real: Any) -> None:
-    plain, random = rotation.make(real), np.random.default_rng(7)
+    plain, random = plain_formulas(rotation, real), np.random.default_rng(7)
     A = np.concatenate([each[:: len(each) // 12] for each in SETS.values()]).astype(real)
     before = quaternions(random, len(A)).astype(real)
     q, _ = solver(real)(A, before)
     near, reached = solver(real)(A, before, False)
     assert 0.1 < reached.mean() < 0.9
-    flat, two = rotation.make_2d(real), rotation.make_2d(real, numba.njit(error_model="numpy"))
+    flat, two = plain.rotation_2d, Variant(real, numba.njit(error_model="numpy"))(rotation.rotation_2d)
     for k, a in enumerate(A.reshape(-1, 9)):
         alone = plain.rotation_3d(a, before[k])
         assert all(type(v) is real for v in alone)

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from softlab.bench.reference.contact import self_contacts, surface_contacts
-from softlab.model.formulas import plain, surface_contact
+from softlab.model.base.variant import plain_formulas
+from softlab.model.formulas import surface_contact
 
 DISTANCE = 0.03  # m
 STATIC, DYNAMIC = 2.0, 1.5
@@ -79,7 +80,7 @@ def limited(real: Any, formulas: SimpleNamespace, depth: Any, *of: np.ndarray) -
 
 
 def check_gains(real: Any, contacts: int) -> None:
-    random, formulas, gains = np.random.default_rng(0), surface_contact.make(real, plain), []
+    random, formulas, gains = np.random.default_rng(0), plain_formulas(surface_contact, real), []
     for number in range(contacts):
         of = random_contact(random, number)
         after, _ = after_formula(real, formulas, of)
@@ -102,7 +103,7 @@ def test_none_of_ten_thousand_contacts_gains_energy(real: Any) -> None:
 
 def test_friction_has_no_moment() -> None:
     """Its forces add up to 0, as do their moments, where the vertex is no farther off than the triangle is high."""
-    random, formulas, counted = np.random.default_rng(1), surface_contact.make(np.float64, plain), 0
+    random, formulas, counted = np.random.default_rng(1), plain_formulas(surface_contact, np.float64), 0
     for number in range(300):
         of = random_contact(random, number)
         ways, forces = after_formula(np.float64, formulas, of)
@@ -126,7 +127,7 @@ def around(triangles: list[Any]) -> np.ndarray:
 
 
 def test_a_contact_is_the_references() -> None:
-    random, formulas = np.random.default_rng(2), surface_contact.make(np.float64, plain)
+    random, formulas = np.random.default_rng(2), plain_formulas(surface_contact, np.float64)
     part: Any = SimpleNamespace(static_friction=STATIC, dynamic_friction=DYNAMIC)
     for number in range(300):
         of = random_contact(random, number)

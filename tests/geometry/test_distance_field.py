@@ -19,6 +19,7 @@ from surface_touch import check_compiled, check_formulas, fall_by, touch_by
 from softlab.bench.reference import cloth as judge
 from softlab.bench.reference.contact.mesh_collider import nearest_point
 from softlab.cpu_backend.contact import distances
+from softlab.model.base.variant import plain_formulas
 from softlab.model.formulas import distance_field as formulas
 from softlab.model.formulas.distance_field import SETTLED
 from softlab.model.geometry import signed_distance
@@ -109,7 +110,7 @@ def test_a_ball_is_of_second_order_its_normal_of_first() -> None:
     """A distance r - R is wrong by at most h^2/8 (1/r + 1/r) within a cell, whose points lie no nearer to the middle than
     r - sqrt(3) h; halving h leaves a quarter of it. Its normal: a difference quotient over a cell, wrong by at most h/2 of
     each axis's second derivatives, under h / r in all."""
-    made, random = formulas.make(np.float64), np.random.default_rng(2)
+    made, random = plain_formulas(formulas, np.float64), np.random.default_rng(2)
     points = random.normal(size=(400, 3))
     points *= (random.uniform(0.7, 1.3, 400) / np.linalg.norm(points, axis=1))[:, None]
     radius = np.linalg.norm(points, axis=1)
@@ -133,7 +134,7 @@ def test_a_block_is_exact_over_its_sides_and_off_by_a_cell_at_its_edges() -> Non
     it is off by no more than sqrt(3)/2 cells, a distance being Lipschitz: weighted over a cell, |corner - point| is at most
     that."""
     field = block()
-    numbers, made, random = field.numbers(np.float64), formulas.make(np.float64), np.random.default_rng(3)
+    numbers, made, random = field.numbers(np.float64), plain_formulas(formulas, np.float64), np.random.default_rng(3)
     points = random.uniform(-0.7, 0.7, (500, 3))
     closed, normals = judge.distances("box", judge_box(), points, 0.0)
     for p, distance, normal in zip(points, closed, normals, strict=True):
@@ -156,7 +157,7 @@ def judge_box() -> Any:
 
 def test_outside_the_box_there_is_a_bound_and_at_its_end_the_last_cell() -> None:
     field = block(thickness=0.05)
-    numbers, made = field.numbers(np.float64), formulas.make(np.float64)
+    numbers, made = field.numbers(np.float64), plain_formulas(formulas, np.float64)
     assert made.sample(numbers, 0, 0.75, 0.75, 0.75)[0] == field.field.distance[-1, -1, -1]
     assert made.sample(numbers, 0, 0.75, 0.1, 0.0)[0] == pytest.approx(0.25, abs=1e-15)
     for place, least in (((0.85, 0.0, 0.0), 0.35), ((0.0, -3.0, 0.8), 2.5), ((9.0, 9.0, 9.0), 8.5)):
@@ -173,7 +174,7 @@ def test_outside_the_box_there_is_a_bound_and_at_its_end_the_last_cell() -> None
 def test_its_own_interpolation_is_the_formulas(real: Any) -> None:
     part = DistanceField(shape=TORUS, spacing=0.07)
     points = np.random.default_rng(4).uniform([-0.5, -0.2, -0.5], [0.5, 0.2, 0.5], (100, 3))
-    made, numbers = formulas.make(real), part.numbers(real)
+    made, numbers = plain_formulas(formulas, real), part.numbers(real)
     found = [made.sample(numbers, 0, *map(real, p))[0] for p in points]
     np.testing.assert_allclose(found, part.field.at(points), rtol=0, atol=40 * float(np.finfo(real).eps))
 
@@ -209,7 +210,7 @@ def test_who_is_inside_is_led_out_however_deep() -> None:
             p, v = meet(step * 0.01, (step + 1) * 0.01, p, p, np.zeros(3))
         assert field.at(p[None])[0] >= 0.03 * SETTLED and not v.any()
     middle = block(spacing=1 / 9, thickness=0.03)
-    meet, made = touch(middle), formulas.make(np.float64)
+    meet, made = touch(middle), plain_formulas(formulas, np.float64)
     assert np.abs(made.sample(middle.numbers(np.float64), 0, 0.0, 0.0, 0.0)[1:]).max() < 1e-15
     for before, out in (((0.0, 0.0, 0.0), (0.0, 0.53, 0.0)), ((0.1, 0.0, 0.0), (0.53, 0.0, 0.0))):
         p, v = meet(0, 0.01, before, np.zeros(3), np.zeros(3))
@@ -310,4 +311,4 @@ def test_compiled_formulas_have_the_bits_of_plain_ones(real: Any) -> None:
     random = np.random.default_rng(9)
     ways = random.uniform(0.01, 0.06, (200, 12))
     ways[:, :9] = random.normal(size=(200, 9)) * 0.3
-    assert 30 < check_compiled(formulas.make, numbers, ways.astype(real)) < 190
+    assert 30 < check_compiled(formulas, numbers, ways.astype(real)) < 190

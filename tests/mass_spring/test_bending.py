@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from softlab.bench.reference import xpbd_mesh as reference
+from softlab.model.base.variant import plain_formulas
 from softlab.model.core.build import rest_positions
 from softlab.model.formulas import bending
 from softlab.model.geometry.mesh import triangle_mesh
@@ -19,8 +20,8 @@ from softlab.model.position_based.mesh_constraints import (
 )
 from softlab.model.scene.scene import Scene
 
-FORMULAS = bending.make_dihedral(np.float64)
-SINGLE = bending.make_dihedral(np.float32)
+FORMULAS = plain_formulas(bending, np.float64)
+SINGLE = plain_formulas(bending, np.float32)
 TRIANGLES = np.array([[0, 1, 2], [1, 0, 3]])
 RANDOM = np.random.default_rng(11)
 
@@ -107,7 +108,7 @@ def test_the_isometric_vector_is_twice_the_edge_times_the_half_angles_sine(theta
     np.testing.assert_allclose(coefficients[:4], reference.hinge(flat).coefficients, rtol=1e-12)
     assert coefficients[4] == 0.0
     np.testing.assert_allclose(coefficients[5], 0.3 * (0.2 + 0.25) / 6, rtol=1e-12)
-    curvature = bending.make_isometric(np.float64).curvature
+    curvature = plain_formulas(bending, np.float64).curvature
     k = [curvature(*coefficients[1:4], *(now[1:, axis] - now[0, axis])) for axis in range(3)]
     np.testing.assert_allclose(np.linalg.norm(k), 2 * 0.3 * np.sin(theta / 2), rtol=1e-12)
 

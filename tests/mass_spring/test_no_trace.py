@@ -11,7 +11,6 @@ import platform
 import re
 from collections import Counter
 from collections.abc import Callable
-from types import SimpleNamespace
 from typing import Any
 
 import llvmlite.binding
@@ -185,12 +184,9 @@ def test_the_cpu_has_no_instruction_of_an_absent_part(
     if precision == "float32":  # the check sees what it looks for
         assert holds_generator(whole(fresh(real, "fast", integrator, PLAIN | {"external"})))
 
-    springs_make = cpu_rows.springs.make
-    monkeypatch.setattr(cpu_rows, "springs", SimpleNamespace(make=lambda *a: (springs_make(*a)[0], never_known)))
-    monkeypatch.setattr(
-        own_forces, "random",
-        SimpleNamespace(make=lambda *a: SimpleNamespace(add_external=never_known), make_philox=lambda *a: never_known),
-    )  # fmt: skip
+    monkeypatch.setattr(cpu_rows.springs, "damped", never_known)
+    monkeypatch.setattr(own_forces, "add_external", never_known)
+    monkeypatch.setattr(own_forces, "philox", never_known)
     unknowing = fresh(real, "fast", integrator, PLAIN, tag="unknowing")
     assert vector_instructions(unknowing) == vector_instructions(plain)
     with pytest.raises(numba.core.errors.TypingError):  # it is seen where it is wanted

@@ -17,8 +17,8 @@ import numpy as np
 import pytest
 from test_ptx import body, tile_kernel, tile_text
 
+from softlab.model.core import own_forces
 from softlab.model.core.parameters import PARAMETERS
-from softlab.model.formulas import random
 
 # what each part, and each integrator, reads of the record
 PART_READS = {
@@ -159,16 +159,15 @@ def unknowing(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     made = (point.make_point_functions, point.make_moves, forces.make_particle_force)
     compile_formulas = point.device_formulas
 
-    def formulas(make: Any, real: Any, math: str, **flags: bool) -> Any:
-        if make is point.springs.make:
-            return compile_formulas(make, real, math)[0], never_known
-        if make is random.make:
-            return SimpleNamespace(add_external=never_known)
-        return compile_formulas(make, real, math, **flags)
+    def formulas(module: Any, real: Any, math: str, **features: bool) -> Any:
+        if module is point.springs:
+            pull = compile_formulas(module, real, math).spring_acceleration_2d
+            return SimpleNamespace(spring_acceleration_2d=pull, damped=never_known)
+        return compile_formulas(module, real, math, **features)
 
     monkeypatch.setattr(point, "device_formulas", formulas)
-    monkeypatch.setattr(forces, "device_formulas", formulas)
-    monkeypatch.setattr(random, "make_philox", lambda device: never_known)
+    monkeypatch.setattr(own_forces, "add_external", never_known)
+    monkeypatch.setattr(own_forces, "philox", never_known)
     for factory in made:
         factory.cache_clear()
     yield

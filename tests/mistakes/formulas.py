@@ -10,13 +10,13 @@ FORMULAS: tuple[Mistake, ...] = (
         "test_fluid_kernels.py test_fluid_cpu.py",
         {
             "a fluid pulls as it pushes": (
-                "return min(multiplier - factor * c, zero) - multiplier",
+                "return min(multiplier - factor * c, 0.0) - multiplier",
                 "return (multiplier - factor * c) - multiplier",
             ),
             "the kernel is squared and not cubed": ("return total + (t * t) * t", "return total + (t * t)"),
             "a wall draws": ("return -(wall_gradient * (t * t))", "return wall_gradient * (t * t)"),
             "walls in a corner are counted twice": (
-                "return larger + min(total, density) * max(one - larger, zero)",
+                "return larger + min(total, density) * max(1.0 - larger, 0.0)",
                 "return total + density",
             ),
             "a wall does not push": ("return total + change * w", "return total"),
@@ -34,10 +34,10 @@ FORMULAS: tuple[Mistake, ...] = (
                 "return total - s * ((dx * ex + dy * ey) + dz * ez)",
                 "return total + s * ((dx * ex + dy * ey) + dz * ez)",
             ),
-            "a surface is pressed as the inside is": ("if c > -sparse else -one", "if c > -one else -one"),
+            "a surface is pressed as the inside is": ("if c > -SPARSE else -1.0", "if c > -1.0 else -1.0"),
             "what density there is is forgotten": ("return c + dt * approach", "return dt * approach"),
-            "the last iteration goes on too": ("if turn + 1 < iterations else zero", "if iterations > 0 else zero"),
-            "a fluid draws by velocities": ("return min(ahead - factor * c, zero)", "return ahead - factor * c"),
+            "the last iteration goes on too": ("if turn + 1 < iterations else 0.0", "if iterations > 0 else 0.0"),
+            "a fluid draws by velocities": ("return min(ahead - factor * c, 0.0)", "return ahead - factor * c"),
             "a wall is not gone against": ("return total + ((wx * x + wy * y) + wz * z)", "return total"),
         },
     ),
@@ -71,7 +71,7 @@ FORMULAS: tuple[Mistake, ...] = (
     *in_file(
         "model/formulas/lengths.py",
         "test_formulas.py test_point_formulas.py",
-        {"no root in the inverse length": ("return one / sqrt(squared) if", "return one / squared if")},
+        {"no root in the inverse length": ("return 1.0 / sqrt(squared) if", "return 1.0 / squared if")},
     ),
     *in_file(
         "model/formulas/integrators.py",
@@ -108,7 +108,7 @@ FORMULAS: tuple[Mistake, ...] = (
         "test_formulas.py",
         {
             "nine rounds of the generator": ("for _ in range(10):", "for _ in range(9):"),
-            "random forces of one sign": ("return odd * scale - one", "return odd * scale"),
+            "random forces of one sign": ("return odd * SCALE - 1.0", "return odd * SCALE"),
         },
     ),
     *in_file(
@@ -120,7 +120,7 @@ FORMULAS: tuple[Mistake, ...] = (
                 "scale = (stiffness - stiffness_rest * inverse) - damping * speed * inverse",
             ),
             "springs of a cloth have no length at rest": (
-                "scale = stiffness - stiffness_rest * inverse_length(squared_length(dx, dy, dz))",
+                "scale = stiffness - stiffness_rest * inverse_length(squared_length_3d(dx, dy, dz))",
                 "scale = stiffness",
             ),
             "a damper feels the whole velocity along one axis": (
@@ -138,28 +138,28 @@ FORMULAS: tuple[Mistake, ...] = (
                 "along_normal = lift * through * (squared",
                 "along_normal = -lift * through * (squared",
             ),
-            "gusts go straight from one to the next": ("part * part * (three - two * part)", "part"),
+            "gusts go straight from one to the next": ("part * part * (3.0 - 2.0 * part)", "part"),
         },
     ),
     *in_file(
         "model/formulas/bending.py",
         "test_point_formulas.py test_bending.py",
         {
-            "a dihedral hinge's slope without its t^2": ("return edge * (one + t * t)", "return edge * one"),
-            "a dihedral hinge of a quarter": ("-(four * edge * (t - rest))", "-(edge * (t - rest))"),
+            "a dihedral hinge's slope without its t^2": ("return edge * (1.0 + t * t)", "return edge * 1.0"),
+            "a dihedral hinge of a quarter": ("-(4.0 * edge * (t - rest))", "-(edge * (t - rest))"),
             "the gradients by a hinge's ends are exchanged": (
-                "return -((one - along_c) * uc) - (one - along_d) * ud, -(along_c * uc) - along_d * ud",
-                "return -(along_c * uc) - along_d * ud, -((one - along_c) * uc) - (one - along_d) * ud",
+                "return -((1.0 - along_c) * uc) - (1.0 - along_d) * ud, -(along_c * uc) - along_d * ud",
+                "return -(along_c * uc) - along_d * ud, -((1.0 - along_c) * uc) - (1.0 - along_d) * ud",
             ),
             "an isometric hinge's compliance pushes": (
                 "return (-(part * k) - compliance * multiplier) * reciprocal",
                 "return (-(part * k) + compliance * multiplier) * reciprocal",
             ),
             "a bent hinge is held at its length and once more": (
-                "return one - rest * inverse_length(squared)",
-                "return one + rest * inverse_length(squared)",
+                "return 1.0 - rest * inverse_length(squared)",
+                "return 1.0 + rest * inverse_length(squared)",
             ),
-            "a hinge does not see on which side it is bent": ("half * sine / adjacent", "half * abs(sine) / adjacent"),
+            "a hinge does not see on which side it is bent": ("0.5 * sine / adjacent", "0.5 * abs(sine) / adjacent"),
         },
     ),
     *in_file(
@@ -167,17 +167,17 @@ FORMULAS: tuple[Mistake, ...] = (
         "test_collider_formulas.py",
         {
             "a capsule without its end": (
-                "((dx * ex + dy * ey) + dz * ez) / squared, zero), one)",
-                "((dx * ex + dy * ey) + dz * ez) / squared, zero), two)",
+                "((dx * ex + dy * ey) + dz * ez) / squared, 0.0), 1.0)",
+                "((dx * ex + dy * ey) + dz * ez) / squared, 0.0), 2.0)",
             ),
             "a capsule whose axis points the other way": (
-                "return from_center(dx - part * ex, dy - part * ey, dz - part * ez, radius)",
-                "return from_center(dx + part * ex, dy + part * ey, dz + part * ez, radius)",
+                "return sphere(dx - part * ex, dy - part * ey, dz - part * ez, radius)",
+                "return sphere(dx + part * ex, dy + part * ey, dz + part * ez, radius)",
             ),
             "out of a box by the farthest face": ("if qx >= qy and qx >= qz:", "if qx <= qy and qx <= qz:"),
             "a fast mass meets the far side of a ball": (
-                "(-toward - root(discriminant)) / squared",
-                "(-toward + root(discriminant)) / squared",
+                "(-toward - sqrt(discriminant)) / squared",
+                "(-toward + sqrt(discriminant)) / squared",
             ),
             "the static cone is as wide as the dynamic one": (
                 "if tangential <= -normal * static_friction:",
@@ -188,8 +188,8 @@ FORMULAS: tuple[Mistake, ...] = (
                 "if tangential <= -normal * static_friction:",
             ),
             "friction pushes": (
-                "remaining = one - dynamic_friction * -normal",
-                "remaining = one + dynamic_friction * -normal",
+                "remaining = 1.0 - dynamic_friction * -normal",
+                "remaining = 1.0 + dynamic_friction * -normal",
             ),
             "restitution takes the velocity along": (
                 "back = restitution * -normal if",
@@ -210,10 +210,10 @@ FORMULAS: tuple[Mistake, ...] = (
                 "stretch = (length - rest) - damping",
             ),
             "compliance is left out of the denominator": (
-                "return one / (stiffening * weight + compliance) if",
-                "return one / (stiffening * weight) if",
+                "return 1.0 / (stiffening * weight + compliance) if",
+                "return 1.0 / (stiffening * weight) if",
             ),
-            "averages are sums": ("(weight * total) * (one / valence)", "(weight * total)"),
+            "averages are sums": ("(weight * total) * (1.0 / valence)", "(weight * total)"),
             "a tether pulls through its anchor": ("return anchor + factor * d if", "return anchor - factor * d if"),
         },
     ),

@@ -22,7 +22,7 @@ BODIES: tuple[Mistake, ...] = (
                 "return True, -(rx / distance), -(ry / distance), -(rz / distance)",
                 "return True, rx / distance, ry / distance, rz / distance",
             ),
-            "behind is outside": ("if side < -(behind * distance):", "if side < -distance - distance:"),
+            "behind is outside": ("if side < -(0.25 * distance):", "if side < -distance - distance:"),
         },
     ),
     *in_file(
@@ -34,7 +34,7 @@ BODIES: tuple[Mistake, ...] = (
                 "stiffness = weight * other_contacts + other_weight * contacts",
             ),
             "adhesion pushes": ("return max(distance - length, -pull) if", "return min(length - distance, pull) if"),
-            "friction is not pressed by adhesion": ("max(depth, zero) + pull", "max(depth, zero)"),
+            "friction is not pressed by adhesion": ("max(depth, 0.0) + pull", "max(depth, 0.0)"),
             "what began nearer parts at once": ("+ push)", "+ distance)"),
             "a bounce is added to the speed": (
                 "lack = restitution * came - ((b[0] * n[0] + b[1] * n[1]) + b[2] * n[2])",
@@ -66,7 +66,7 @@ BODIES: tuple[Mistake, ...] = (
         "model/formulas/shape_matching/grid.py",
         "test_cluster_formulas.py",
         {
-            "rows of a window count upwards": ("rotation_2d(sums[2], -sums[4], sums[3], -sums[5], one, zero)", "rotation_2d(sums[2], sums[4], sums[3], sums[5], one, zero)"),
+            "rows of a window count upwards": ("rotation_2d(sums[2], -sums[4], sums[3], -sums[5], 1.0, 0.0)", "rotation_2d(sums[2], sums[4], sums[3], sums[5], 1.0, 0.0)"),
             "goals of a window lie below": ("(sums[3] - sums[4] * down)", "(sums[3] + sums[4] * down)"),
         },
     ),
@@ -86,14 +86,14 @@ BODIES: tuple[Mistake, ...] = (
     *in_file(
         "model/formulas/implicit.py",
         "test_implicit.py::test_the_matrix_of_a_stretched_spring_is_the_forces_derivative",
-        {"a stretched spring has no stiffness across": ("across = max(zero, stiffness - stiffness_rest * inverse)", "across = zero * inverse")},
+        {"a stretched spring has no stiffness across": ("across = max(0.0, stiffness - stiffness_rest * inverse)", "across = 0.0 * inverse")},
     ),
     *in_file(
         "model/formulas/shape_matching/deformation.py",
         "test_cluster_formulas.py",
         {
-            "shear counts half": ("half * (dot(rxx, ryx, rzx, fxy, fyy, fzy)", "(dot(rxx, ryx, rzx, fxy, fyy, fzy)"),
-            "a volume's cube root without its last steps": ("y = y * ((cube + two * volume) / (two * cube + volume))", "y = y"),
+            "shear counts half": ("0.5 * (dot(rxx, ryx, rzx, fxy, fyy, fzy)", "(dot(rxx, ryx, rzx, fxy, fyy, fzy)"),
+            "a volume's cube root without its last steps": ("y = y * ((cube + 2.0 * volume) / (2.0 * cube + volume))", "y = y"),
         },
     ),
     *in_file(
@@ -115,7 +115,7 @@ BODIES: tuple[Mistake, ...] = (
     *in_file(
         "model/formulas/constraints/attachment.py",
         "test_cloth_beside.py::test_states_are_the_references test_cloth_beside.py::test_momentum_goes_from_the_cloth_to_bodies_and_back",
-        {"a cloth is not moved by what is attached to it": ("moved(q, -wq, change), moved(r, -wr, change),\n        )", "moved(q, wq, change), moved(r, wr, change),\n        )")},
+        {"a cloth is not moved by what is attached to it": ("moved(q, -wq, change), moved(r, -wr, change),\n    )", "moved(q, wq, change), moved(r, wr, change),\n    )")},
     ),
     *in_file(
         "model/contact/attachments.py",

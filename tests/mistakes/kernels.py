@@ -268,12 +268,12 @@ GPU: tuple[Mistake, ...] = (
     *in_file(
         "model/formulas/integrators.py",
         "test_ptx.py::test_float32_passes_hold_no_double_and_spill_nothing test_float32_leaks.py",
-        {"a constant of float64 in a float32 step": ("return position + new_velocity * dt, new_velocity", "return position + 1.0 * new_velocity * dt, new_velocity")},
+        {"a constant of float64 in a float32 step": ("return position + new_velocity * dt, new_velocity", "return position + float(1) * new_velocity * dt, new_velocity")},
     ),
     *in_file(
         "model/formulas/wind.py",
         "test_float32_leaks.py",
-        {"a root of float64 in a float32 wind": ("smooth = part * part * (three - two * part)", "smooth = part * part * (3.0 - two * part)")},
+        {"a root of float64 in a float32 wind": ("smooth = part * part * (3.0 - 2.0 * part)", "smooth = part * part * (float(3) - 2.0 * part)")},
     ),
 )  # fmt: skip
 

@@ -8,19 +8,15 @@ import json
 
 import numpy as np
 
+from softlab.model.base.variant import FEATURE, formula
 from softlab.model.core import own_forces
 
 LEAN, STEPS, DT = 0.75, 6, 0.0078125  # m/s^2, and s: sums of products of these are exact
 
 
-def lean(real, compiled, made, axes):
-    zero = real(0)
-
-    @compiled
-    def force(k, parameters, integers, step):
-        return (parameters.lean, zero) if axes == 2 else (parameters.lean, zero, zero)
-
-    return force
+@formula
+def lean(k, parameters, integers, step):
+    return (parameters.lean, 0.0) if FEATURE.axes == 2 else (parameters.lean, 0.0, 0.0)
 
 
 def values(scene, poke, axes):

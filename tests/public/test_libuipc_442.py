@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from softlab.app.driver import open_simulation
+from softlab.model.base.variant import plain_formulas
 from softlab.model.formulas.elastic import friction
 from softlab.model.scene.scene import Scene
 
@@ -39,7 +40,7 @@ def test_a_rounding_of_the_size_changes_a_rounding_of_the_motion(iterations: int
 def test_the_block_is_continuous_at_no_slip(real: type, normal: tuple[float, float, float]) -> None:
     """Of a velocity that loses mu = 0.5 of 1 m/s along the way: the block at 0 and at ways down to the least number is
     mu lambda / (h SLIP) (I - nn'), the derivative within that times the way."""
-    formulas, h, hard, depth, mu = friction.make(real), real(0.01), real(100), real(1e-3), 0.5
+    formulas, h, hard, depth, mu = plain_formulas(friction, real), real(0.01), real(100), real(1e-3), 0.5
     n = (depth, *(real(one) for one in normal))
     across = np.cross(normal, (0.3, 0.5, -0.7))
     across /= np.linalg.norm(across)

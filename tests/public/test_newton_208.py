@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from softlab.app.driver import open_simulation
+from softlab.model.base.variant import plain_formulas
 from softlab.model.core.simulation import State
 from softlab.model.scene.scene import Scene
 
@@ -73,7 +74,7 @@ def test_what_turns_as_a_whole_has_no_strain_rate(order: int) -> None:
     another turn as large are not those of the linear strain, theta^2 / 2."""
     from softlab.model.formulas.elastic import damper
 
-    formulas = damper.make(np.float64)
+    formulas = plain_formulas(damper, np.float64)
     stretch = np.array([[1.3, 0.1, 0.0], [0.0, 0.8, 0.05], [0.02, 0.0, 1.1]])
 
     def turned(angle: float) -> np.ndarray:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from softlab.app.driver import open_simulation
+from softlab.model.base.variant import plain_formulas
 from softlab.model.core.simulation import State
 from softlab.model.formulas import surface_contact
 from softlab.model.scene.scene import Scene
@@ -118,7 +119,7 @@ def test_friction_of_an_impact_off_the_centre_keeps_the_angular_momentum() -> No
 def test_levers_have_the_moment_of_the_distance() -> None:
     """Of any triangle, point and force: with them the corners' forces add up to the vertex's, and have its moment, to
     rounding, where the vertex is no farther off than the triangle is high."""
-    formulas, random = surface_contact.make(np.float64), np.random.default_rng(4)
+    formulas, random = plain_formulas(surface_contact, np.float64), np.random.default_rng(4)
     for _ in range(20):
         corners = np.array([[0.0, 0, 0], [1, 0, 0], [0.3, 1, 0]]) + random.normal(0, 0.1, (3, 3))
         weights, r, j = random.dirichlet((1.0, 1.0, 1.0)), random.normal(0, 0.15, 3), random.normal(size=3)

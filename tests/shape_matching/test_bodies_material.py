@@ -36,6 +36,7 @@ from softlab.model.assets.material import Material, even
 from softlab.model.assets.skin import make_skin
 from softlab.model.assets.soft_body import MATERIAL, RigidBody, SoftBody
 from softlab.model.base.errors import InputError, SceneError
+from softlab.model.base.variant import plain_formulas
 from softlab.model.formulas.shape_matching import deformation, pace
 from softlab.model.geometry.normals import mesh_normals
 from softlab.model.geometry.shapes import Shape
@@ -198,7 +199,7 @@ def test_momentum_is_kept() -> None:
 
 def test_formulas_are_those_of_linear_algebra() -> None:
     """Any volume, mirrored ones, too; 100 roundings of numbers up to 10."""
-    formulas, random = deformation.make(np.float64), np.random.default_rng(1)
+    formulas, random = plain_formulas(deformation, np.float64), np.random.default_rng(1)
     for volume in (1e-12, 1e-5, 0.3, 1.0, 70.0, 1e12):
         assert formulas.cube_root(volume) == pytest.approx(np.cbrt(volume), rel=4 * EPS)
     corners = CORNERS.copy()
@@ -211,9 +212,9 @@ def test_formulas_are_those_of_linear_algebra() -> None:
         assert (scale > 0) or np.array_equal(np.reshape(found, (3, 3)), turned)
     square = random.normal(size=(3, 4))
     inertia, spin = square @ square.T, random.normal(size=3)
-    solved = pace.make(np.float64).solved(*inertia[[0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]], *spin)
+    solved = plain_formulas(pace, np.float64).solved(*inertia[[0, 0, 0, 1, 1, 2], [0, 1, 2, 1, 2, 2]], *spin)
     assert inertia @ solved == pytest.approx(spin, abs=100 * 10 * EPS)
-    assert pace.make(np.float64).solved(*[0.0] * 9) == (0, 0, 0)
+    assert plain_formulas(pace, np.float64).solved(*[0.0] * 9) == (0, 0, 0)
 
 
 def test_a_skins_normals_go_by_the_surface() -> None:

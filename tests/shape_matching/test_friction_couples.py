@@ -15,6 +15,7 @@ from softlab.bench.experiments.body_scenes import centre, masses
 from softlab.bench.reference import cluster_material
 from softlab.bench.reference import shape_matching as reference
 from softlab.bench.reference.contact.particle_contacts import Contacts
+from softlab.model.base.variant import plain_formulas
 from softlab.model.formulas.shape_matching import couple
 from softlab.model.scene.scene import Scene
 from softlab.model.shape_matching.plan import body_parts, body_plan
@@ -151,7 +152,7 @@ def test_the_reference_and_the_same_bits_everywhere(kind: str) -> None:
 
 def test_a_pair_of_contacts_has_no_moment() -> None:
     """To the bits, seen from either: the normal and the slip change signs, their product does not."""
-    formulas, (n, s) = couple.make(np.float64), np.random.default_rng(3).normal(size=(2, 3))
+    formulas, (n, s) = plain_formulas(couple, np.float64), np.random.default_rng(3).normal(size=(2, 3))
     seen = [
         [formulas.levered(0.0, 0.3, 0.1, 0.7, n[a], s[b], n[b], s[a]) for a, b in ((1, 2), (2, 0), (0, 1))]
         for n, s in ((n, s), (-n, -s))
@@ -165,7 +166,7 @@ def test_a_pair_of_contacts_has_no_moment() -> None:
 def test_what_is_squashed_hardly_turns(size: float) -> None:
     """A cluster in a point by FARTHEST or not at all; a couple about a line turns it, as wide as it is thick, no faster than
     1 / LEAST of what it does to the same line across."""
-    spin, origin = couple.make(np.float64).spin, (0.0, 0.0, 0.0)
+    spin, origin = plain_formulas(couple, np.float64).spin, (0.0, 0.0, 0.0)
     for along in ((1.0, 1e-9, 1e-9), (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)):
         moments = [size**2 * part**2 for part in along]
         with np.errstate(over="ignore"):  # the square of a turn

@@ -19,8 +19,8 @@ def ptx(real: Any, math: str) -> str:
 
     from softlab.gpu_backend.core.formulas import device_formulas
 
-    formulas, rotation_2d = (device_formulas(make, real, math) for make in (rotation.make, rotation.make_2d))
-    rotation_3d, rotated = formulas.rotation_3d, formulas.rotated
+    formulas = device_formulas(rotation, real, math)
+    rotation_2d, rotation_3d, rotated = formulas.rotation_2d, formulas.rotation_3d, formulas.rotated
 
     def turn(A: Any, q: Any, v: Any) -> None:
         w, x, y, z = rotation_3d((A[0], A[1], A[2], A[3], A[4], A[5], A[6], A[7], A[8]), (q[0], q[1], q[2], q[3]))

@@ -38,8 +38,8 @@ def test_exact_math_gives_the_bits_of_the_cpu(real: Any) -> None:
     before = np.random.default_rng(1).normal(size=(len(A), 4))
     before = (before / np.linalg.norm(before, axis=1, keepdims=True)).astype(real)
     compiler = Compiler(f"rotation_{np.dtype(real).name}", "exact")
-    made = rotation.make(real, compiler.compiled)
-    near, far, flat = made.rotation_3d_near, made.rotation_3d_far, rotation.make_2d(real, compiler.compiled)
+    made = compiler.formulas(rotation, real)
+    near, far, flat = made.rotation_3d_near, made.rotation_3d_far, made.rotation_2d
 
     @numba.njit(**compiler.options)
     def on_cpu(A, q, out):
@@ -52,8 +52,7 @@ def test_exact_math_gives_the_bits_of_the_cpu(real: Any) -> None:
             out[k, 0], out[k, 1], out[k, 2], out[k, 3] = w, x, y, z
             out[k, 4], out[k, 5] = flat(a[0], a[1], a[3], a[4], b[0], b[1])
 
-    whole = device_formulas(rotation.make, real, "exact").rotation_3d
-    plane = device_formulas(rotation.make_2d, real, "exact")
+    whole, plane = (getattr(device_formulas(rotation, real, "exact"), name) for name in ("rotation_3d", "rotation_2d"))
 
     @cuda.jit
     def on_gpu(A, q, out):

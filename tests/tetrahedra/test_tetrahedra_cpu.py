@@ -13,6 +13,7 @@ from softlab.app.output.pieces import pieces_of
 from softlab.bench.reference import tetrahedra as reference
 from softlab.bench.reference import tetrahedra_voxels as voxel_reference
 from softlab.bench.reference.finite_elements import Body
+from softlab.model.base.variant import plain_formulas
 from softlab.model.core.build import build
 from softlab.model.core.simulation import State
 from softlab.model.formulas.elastic import deformation
@@ -162,7 +163,7 @@ def test_b21_a_body_out_of_all_shape_recovers(how: str, material: str) -> None:
 def test_the_rotation_is_the_nearest(real: type) -> None:
     """The largest trace of R'F that a rotation has: the sum of the singular values, the smallest with the sign of det F; R is
     one to rounding. Of any F: sheared, mirrored, flat, nothing."""
-    rotation, random = deformation.make_rotation(real), np.random.default_rng(0)
+    rotation, random = plain_formulas(deformation, real).rotation, np.random.default_rng(0)
     eps = float(np.finfo(real).eps)
     matrices = [random.normal(size=(3, 3)) for _ in range(200)]
     matrices += [np.eye(3) + 0.2 * random.normal(size=(3, 3)) for _ in range(200)]

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from bodies_scenes import AWAY, SAMPLED, bodies_scene, method
 
+from softlab.model.base.variant import plain_formulas
 from softlab.model.contact.particle_parameters import (
     G_DISTANCE,
     G_NEIGHBOURS,
@@ -53,7 +54,7 @@ def smooth(substeps: int = 1, iterations: int = 1) -> Scene:
 def neighbours(scene: Scene, position: np.ndarray, weight: np.ndarray, real: type) -> list[list[int]]:
     """Of each particle whom it may meet, where they are at `position` (particles, 3), by asking all how far apart they are,
     whatever the cells; those found in the order of the cells along z, then y, then x, in each ascending."""
-    formulas, record = particle_contact.make(real), particle_contact_record(scene, real)
+    formulas, record = plain_formulas(particle_contact, real), particle_contact_record(scene, real)
     body_set, kind, rows = scene.body_set, kinds_of_particles(scene), record[PAIRS:].reshape(-1, PAIR_FIELDS)
     rest, kinds = body_set.clusters.position.astype(real), len(scene.bodies)
     there = (weight > 0) & (abs(position) * record[H_INVERSE_CELL] <= 2**30).all(axis=1)

@@ -9,6 +9,7 @@ import numpy as np
 from cloth_solve import solve
 
 from softlab.bench.reference import cloth as judge
+from softlab.model.base.variant import Variant, plain_formulas
 from softlab.model.contact.cloth_parameters import B_TREE, COLLIDER_FIELDS, collider_numbers
 from softlab.model.scene.scene import Scene
 from softlab.model.tables.colliders.surface_collider import SurfaceCollider
@@ -22,7 +23,7 @@ def touch_by(
     scene = Scene({"cloth": {"rows": 2, "columns": 2}, kind: part.model_dump()})
     numbers = collider_numbers(scene, real)
     row = numbers[:COLLIDER_FIELDS]
-    made = formulas.make(real, in_place=in_place)
+    made = plain_formulas(formulas, real, in_place=in_place)
 
     def touched(begin: float, end: float, before: Any, position: Any, velocity: Any) -> tuple[np.ndarray, np.ndarray]:
         vectors = [tuple(real(x) for x in vector) for vector in (before, position, velocity)]
@@ -74,7 +75,7 @@ def check_falling_cloth(solver: str, scene: Scene, collider: str) -> None:
         np.testing.assert_allclose(found[1], velocity, rtol=0, atol=3000 * 100 * 2.0**-53)
 
 
-def check_compiled(make: Any, numbers: np.ndarray, ways: np.ndarray) -> int:
+def check_compiled(formulas: ModuleType, numbers: np.ndarray, ways: np.ndarray) -> int:
     """The formula `settle` of a collider, as numba compiles it, has the bits of plain Python for random `ways` (n, 12) of
     masses; returned: how many meet it."""
     import numba
@@ -94,9 +95,9 @@ def check_compiled(make: Any, numbers: np.ndarray, ways: np.ndarray) -> int:
 
     found, plain = np.zeros((2, len(ways), 7), ways.dtype)
     compiled = numba.njit(error_model="numpy")
-    settle = make(ways.dtype.type, compiled).settle
+    settle = Variant(ways.dtype.type, compiled).of(formulas).settle
     compiled(batch)(numbers, ways, found)
-    settle = make(ways.dtype.type).settle
+    settle = plain_formulas(formulas, ways.dtype.type).settle
     batch(numbers, ways, plain)
     assert np.array_equal(found, plain)
     return int((found[:, 6] > 0).sum())

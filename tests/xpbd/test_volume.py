@@ -9,6 +9,7 @@ from mesh_scenes import mesh_scene
 from softlab.app.driver import open_simulation
 from softlab.bench.reference import xpbd_mesh as reference
 from softlab.model.base.errors import InputError, SceneError
+from softlab.model.base.variant import plain_formulas
 from softlab.model.core.build import build
 from softlab.model.core.energy import energies
 from softlab.model.formulas.constraints import volume
@@ -17,7 +18,7 @@ from softlab.model.geometry.topology import mesh_of
 from softlab.model.position_based.mesh_constraints import constraint_sets, sixfold_volumes, tetrahedra_within
 from softlab.model.scene.scene import Scene
 
-PROJECT = volume.make(np.float64).project
+PROJECT = plain_formulas(volume, np.float64).project
 REST = np.array([[0.0, 0.0, 0.0], [0.3, 0.02, 0.0], [0.05, 0.25, 0.01], [0.1, 0.08, 0.2]])
 WEIGHTS = np.array([1.0, 2.0, 0.5, 3.0])
 

@@ -26,8 +26,9 @@ TWICE = "twice"  # the kernel's name
 
 def _make_row(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     """Make the step of `count` masses of a row. Neighbours are separate arrays, so that the loop vectorises fully."""
-    spring_acceleration_2d, damped = springs.make(real, compiler.compiled)
-    lab = integrators.make(real, compiler.compiled).lab
+    formulas = compiler.formulas(springs, real)
+    spring_acceleration_2d, damped = formulas.spring_acceleration_2d, formulas.damped
+    lab = compiler.formulas(integrators, real).lab
     has_gravity, has_damping = "gravity" in parts, "damping" in parts
 
     @compiler.row

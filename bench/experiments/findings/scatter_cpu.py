@@ -26,8 +26,9 @@ COLOURS = "colours"  # the kernel's name
 
 def _make_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> tuple[Any, Any, Any]:
     """Make (along, down, finish): every other spring of a row, the springs between two rows, and the step of a row."""
-    spring_acceleration_2d, damped = springs.make(real, compiler.compiled)
-    lab = integrators.make(real, compiler.compiled).lab
+    formulas = compiler.formulas(springs, real)
+    spring_acceleration_2d, damped = formulas.spring_acceleration_2d, formulas.damped
+    lab = compiler.formulas(integrators, real).lab
     has_gravity, has_damping = "gravity" in parts, "damping" in parts
     zero = real(0)
 

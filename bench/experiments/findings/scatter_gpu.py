@@ -102,7 +102,7 @@ def make_scatter(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace
 
 
 def _atomics_kernel(real: Any, math: str) -> Any:
-    spring_acceleration_2d, _ = device_formulas(springs.make, real, math)
+    spring_acceleration_2d = device_formulas(springs, real, math).spring_acceleration_2d
 
     def scatter_atomics(position, sums, record, rows, columns):
         parameters = record[0]
@@ -127,7 +127,7 @@ def _atomics_kernel(real: Any, math: str) -> Any:
 
 
 def _colour_kernel(real: Any, math: str, down: bool, odd: int) -> Any:
-    spring_acceleration_2d, _ = device_formulas(springs.make, real, math)
+    spring_acceleration_2d = device_formulas(springs, real, math).spring_acceleration_2d
     first = np.int32(odd)
 
     def scatter_colour(position, sums, record, rows, columns):

@@ -68,7 +68,7 @@ def make_pass_band(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     )  # fmt: skip
     settle, add_up = rows_of.settle, rows_of.add_up
     sums_of, factors_at = compiler.compiled(factors_of), compiler.compiled(factors)
-    instant = cloth.make(real, compiler.compiled).instant
+    instant = compiler.formulas(cloth, real).instant
     has_wind, has_motion = "wind" in parts, "motion" in parts
     triples, block, zero = triples_of(parts)["count"], block_of(real), real(0)
 
@@ -133,7 +133,7 @@ def make_cloth_implicit(real: Any, math: str, linear: bool, parts: frozenset[str
     """
     compiler = Compiler(cloth_variant(f"implicit_{'once' if linear else 'newton'}", real, math, parts), math)
     pass_band, total = make_pass_band(compiler, real, parts), make_sums_over_masses(compiler, real).total
-    control = implicit.make_control(real, compiler.compiled, linear)
+    control = compiler.formulas(implicit, real, linear=linear)
     after_residual, after_product = control.after_residual, control.after_product
     zero, none = real(0), np.int64(0)
 

@@ -55,12 +55,12 @@ def _make(compiler: Compiler, real: Any, kind: str, place: Any, formula: Any, na
 
 def make_end_pulls(compiler: Compiler, real: Any, parts: frozenset[str], kind: str, place: Any) -> Any:
     """Make forces at the step's end. First vector: position without the end velocity; second: that velocity."""
-    return _make(compiler, real, kind, place, implicit.make(real, compiler.compiled).end_pull_3d, "end")
+    return _make(compiler, real, kind, place, compiler.formulas(implicit, real).end_pull_3d, "end")
 
 
 def make_products(compiler: Compiler, real: Any, parts: frozenset[str], kind: str, place: Any) -> Any:
     """Make products. First vector: position at the step's end; second: the vector to multiply."""
-    product_3d = implicit.make(real, compiler.compiled).product_3d
+    product_3d = compiler.formulas(implicit, real).product_3d
 
     @compiler.compiled
     def product(dx, dy, dz, wx, wy, wz, stiffness, stiffness_rest, damping, dt):

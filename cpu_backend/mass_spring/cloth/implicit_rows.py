@@ -36,7 +36,7 @@ def spring_parts(parts: frozenset[str]) -> frozenset[str]:
 def make_loops(compiler: Compiler, real: Any) -> SimpleNamespace:
     """Make the loops along one axis of a row; the arrays that a loop writes are its last arguments."""
     row, block = compiler.row, block_of(real)
-    formulas = implicit.make(real, compiler.compiled)
+    formulas = compiler.formulas(implicit, real)
     residual, applied, added = formulas.residual, formulas.applied, formulas.added
     half, one, zero = real(0.5), real(1), real(0)
 

@@ -80,7 +80,7 @@ def make_settle(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleN
 def make_finish_rows(compiler: Compiler, real: Any, integrator: str, parts: frozenset[str]) -> Any:
     """Make finish(kind, blocks, position, velocity, closing, opening, parameters, new_position, new_velocity): it
     integrates one axis of a row from its sums of accelerations."""
-    _, damped = springs.make(real, compiler.compiled)
+    damped = compiler.formulas(springs, real).damped
     finishes = make_finishes(compiler, real, integrator, "damping" in parts, damped)
     return make_finish_axis(compiler, real, finishes)
 
@@ -103,7 +103,7 @@ def make_cloth_advance(real: Any, math: str, integrator: str, parts: frozenset[s
     kind_of = compiler.compiled(pass_kind)
     two_sums, a_close, a_open = forces.two_sums, forces.a_close, forces.a_open
     verlet, has_wind, has_motion = integrator == "velocity-verlet", "wind" in parts, "motion" in parts
-    instant = cloth.make(real, compiler.compiled).instant
+    instant = compiler.formulas(cloth, real).instant
     in_turn = verlet and not kicks_coupled(parts)
     triples, block, zero = triples_of(parts)["count"], block_of(real), real(0)
 

@@ -20,7 +20,7 @@ from softlab.model.formulas import cloth, motion, springs
 def make_times(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     """Make times(stage, step, parameters) -> (time of the stage's forces within the step, in steps; end time of the
     stage [s], 0 if no pin moves)."""
-    instant, middle = cloth.make(real, compiler.compiled).instant, motion.make(real, compiler.compiled).middle
+    instant, middle = compiler.formulas(cloth, real).instant, compiler.formulas(motion, real).middle
     has_motion, zero, half, one = "motion" in parts, real(0), real(0.5), real(1)
 
     @compiler.compiled
@@ -52,7 +52,7 @@ def make_stage_band(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any
     settled = make_settle(compiler, real, parts)
     settle, collide_row, has_colliders = settled.settle, settled.collide_row, settled.has_colliders
     update = make_rk4_rows(compiler, real)
-    _, damped = springs.make(real, compiled)
+    damped = compiler.formulas(springs, real).damped
     has_wind, has_damping, a_close = "wind" in parts, "damping" in parts, forces.a_close
     triples, block = triples_of(parts)["count"], block_of(real)
     times, zero = make_times(compiler, real, parts), real(0)

@@ -31,7 +31,7 @@ def make_accelerations(compiler: Compiler, real: Any, parts: frozenset[str], kin
     """Make pulls(blocks, source, plane, here, there, parameters, scratch, triple, width): the accelerations of the
     masses from `here` on by springs of a kind to those from `there` on."""
     block, has_damper = block_of(real), f"{kind}-damping" in parts
-    formulas = springs.make_3d(real, compiler.compiled)
+    formulas = compiler.formulas(springs, real)
     spring_acceleration_3d, damped_pull_3d = formulas.spring_acceleration_3d, formulas.damped_pull_3d
     k_stiffness, k_rest, k_damping = spring_constants(kind)
 

@@ -20,7 +20,7 @@ from softlab.model.tables.cloth import SPRING_KINDS
 def make_pull(compiler: Compiler, real: Any, kind: str, has_damper: bool) -> Any:
     """Make pull(state, i, j, row, column, parameters): the acceleration of mass (i, j) by its spring to (row,
     column)."""
-    formulas = springs.make_3d(real, compiler.compiled)
+    formulas = compiler.formulas(springs, real)
     spring_acceleration_3d, damped_pull_3d = formulas.spring_acceleration_3d, formulas.damped_pull_3d
     k_stiffness, k_rest, k_damping = spring_constants(kind)
 

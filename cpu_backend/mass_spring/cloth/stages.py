@@ -39,7 +39,7 @@ def make_pin_stage(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     `first`: where the rows of pins begin in `bodies`; `rows`, `columns`: of the pinned masses.
     """
     follow = make_follow(compiler, real)
-    instant, middle = cloth.make(real, compiler.compiled).instant, motion.make(real, compiler.compiled).middle
+    instant, middle = compiler.formulas(cloth, real).instant, compiler.formulas(motion, real).middle
     zero = real(0)
 
     def pins(bodies, first, rows, columns, step, halfway, record, state):

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from softlab.cpu_backend.core.compile import Compiler
-from softlab.model.formulas import implicit
+from softlab.model.formulas import lengths
 from softlab.model.mass_spring.implicit_parameters import LANES, SEGMENT, TREE
 
 
@@ -18,7 +18,7 @@ def make_sums_over_masses(compiler: Compiler, real: Any) -> SimpleNamespace:
     """Make `segment_sums(columns, ax, ay, az, bx, by, bz, lanes, out)`, a . b of a row's vectors, segment by segment,
     and `total(parts, count, tree)`, the sum of the first `count` of `parts`. `lanes` (LANES,) and `tree` (TREE,) are
     scratch."""
-    dot, zero = implicit.make(real, compiler.compiled).dot, real(0)
+    dot, zero = compiler.formulas(lengths, real).dot, real(0)
 
     @compiler.row
     def segment_sum(first, last, ax, ay, az, bx, by, bz, lanes):

@@ -26,7 +26,7 @@ def make_rk4_rows(compiler: Compiler, real: Any) -> Any:
     fourth stage the new state.
     """
     compiled, row = compiler.compiled, compiler.row
-    rk4_stage = integrators.make(real, compiled).rk4_stage
+    rk4_stage = compiler.formulas(integrators, real).rk4_stage
     block, zero = block_of(real), real(0)
 
     @row

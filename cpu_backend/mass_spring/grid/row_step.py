@@ -41,7 +41,7 @@ def pass_kind(k, passes):
 def make_finishes(compiler: Compiler, real: Any, integrator: str, has_damping: bool, damped: Any) -> dict[str, Any]:
     """Make, by a pass's name, finish(p, v, closing, opening, parameters) -> (p', v') of one axis of a mass."""
     compiled = compiler.compiled
-    formulas = integrators.make(real, compiled, has_damping)
+    formulas = compiler.formulas(integrators, real, damped=has_damping)
     if integrator != "velocity-verlet":
         one_force = getattr(formulas, integrator.replace("-", "_"))
 

@@ -35,7 +35,8 @@ def make_row_springs(compiler: Compiler, real: Any, parts: frozenset[str]) -> Si
     """Make springs and gravity of a row: `pull_from_left`, `sum_row` and `begin_walk` (see the inner functions), and
     their components; `sum_uneven_row`: `sum_row` for alternating springs."""
     compiled, block, zero = compiler.compiled, block_of(real), real(0)
-    spring_acceleration_2d, damped = springs.make(real, compiled)
+    formulas = compiler.formulas(springs, real)
+    spring_acceleration_2d, damped = formulas.spring_acceleration_2d, formulas.damped
     has_springs, has_gravity, alternating = "springs" in parts, "gravity" in parts, "alternating" in parts
 
     @compiled

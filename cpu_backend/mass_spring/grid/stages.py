@@ -26,7 +26,7 @@ def make_stages(real: Any, math: str, integrator: str, alternating: bool = False
     columns)."""
     compiler = Compiler("_".join(["stage", np.dtype(real).name, math, integrator.replace("-", "_")]), math)
     compiled, kernel = compiler.compiled, compiler.kernel
-    spring_acceleration_2d, _ = springs.make(real, compiled)
+    spring_acceleration_2d = compiler.formulas(springs, real).spring_acceleration_2d
 
     @kernel
     def spring_forces(x, y, record, ax, ay):

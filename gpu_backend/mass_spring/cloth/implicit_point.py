@@ -19,7 +19,7 @@ from softlab.gpu_backend.core.compile import inlined
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.quads import load_quad, store_quad
 from softlab.gpu_backend.mass_spring.cloth.point import make_cloth_forces, make_cloth_springs
-from softlab.model.formulas import implicit
+from softlab.model.formulas import implicit, lengths
 from softlab.model.tables.cloth import SPRING_KINDS
 
 
@@ -41,8 +41,8 @@ class Work(NamedTuple):
 
 def _make_vectors(real: Any, math: str) -> SimpleNamespace:
     """Make `added_3`, value + factor other, `dot_3`, and along one axis `applied`, `missing`."""
-    formulas, inline = device_formulas(implicit.make, real, math), inlined(math)
-    added, dot = formulas.added, formulas.dot
+    formulas, inline = device_formulas(implicit, real, math), inlined(math)
+    added, dot = formulas.added, device_formulas(lengths, real, math).dot
 
     @inline
     def added_3(value, factor, other):

@@ -30,7 +30,7 @@ def make_cloth_kicks(real: Any, math: str, integrator: str, parts: frozenset[str
     forces, collide = make_cloth_forces(real, math, parts), make_collide(real, math, parts)
     pin = make_pins(real, math, parts).pin
     add_particle_force, damp = forces.add_particle_force, forces.damp
-    formulas = device_formulas(integrators.make, real, math)
+    formulas = device_formulas(integrators, real, math, damped=True)
     first_half, second_half = formulas.verlet_first_half, formulas.verlet_second_half
     verlet = integrator == "velocity-verlet"
     one_force = formulas.semi_implicit_euler if verlet else getattr(formulas, integrator.replace("-", "_"))
@@ -150,7 +150,7 @@ def make_cloth_rk4(real: Any, math: str, parts: frozenset[str], stage: int) -> A
         stage < 2,
     )  # a stage leads to half of the step, or all of it
     steady, add_particle_force, damp = forces.steady, forces.add_particle_force, forces.damp
-    rk4_stage = device_formulas(integrators.make, real, math).rk4_stage
+    rk4_stage = device_formulas(integrators, real, math).rk4_stage
     k_derivative, k_total, last = RK4_DERIVATIVE[stage], RK4_TOTAL[stage], stage == 3
     has_pins = "pins" in parts
     zero = real(0)

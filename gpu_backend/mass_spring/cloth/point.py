@@ -47,7 +47,7 @@ def make_cloth_springs(real: Any, math: str, parts: frozenset[str], system: str 
     Euler, `end` for pulls at the step's end, with the velocity there and the position without it; `product` for the
     product of its matrix with the vector in `velocity`.
     """
-    pulls, of_system = device_formulas(springs.make_3d, real, math), device_formulas(implicit.make, real, math)
+    pulls, of_system = device_formulas(springs, real, math), device_formulas(implicit, real, math)
     spring_acceleration_3d, end_pull_3d, at_end = pulls.spring_acceleration_3d, of_system.end_pull_3d, system == "end"
     damped_pull_3d = of_system.product_3d if system == "product" else pulls.damped_pull_3d
     has_structural, has_shear, has_bending = "structural" in parts, "shear" in parts, "bending" in parts
@@ -137,7 +137,7 @@ def make_cloth_springs(real: Any, math: str, parts: frozenset[str], system: str 
 def make_accelerations(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Make `structural`, `shear`, `bending`: pull(q, p, there, values) on the mass p by a spring to q, both (x, y, z,
     vx, vy, vz); none unless `there`. And the sums by axis `paired`, `carried`."""
-    formulas = device_formulas(springs.make_3d, real, math)
+    formulas = device_formulas(springs, real, math)
     spring_acceleration_3d, damped_pull_3d = formulas.spring_acceleration_3d, formulas.damped_pull_3d
     inline = inlined(math)
     zero = real(0)
@@ -181,7 +181,7 @@ def make_cloth_forces(real: Any, math: str, parts: frozenset[str]) -> SimpleName
     wind_sum = winds.wind_sum
     forces = make_forces(real, math, parts)
     add_gravity, add_particle_force = forces.add_gravity, forces.add_particle_force
-    _, damped = device_formulas(springs.make, real, math)
+    damped = device_formulas(springs, real, math).damped
     inline = inlined(math)
     has_wind, has_damping, has_time = "wind" in parts, "damping" in parts, knows_time(parts)
     no_step = np.int64(0)

@@ -78,9 +78,10 @@ def _make_spring_sum(real: Any, device: Any, spring_acceleration_2d: Any, parts:
 def make_point_functions(real: Any, math: str, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
     """Make the device functions of a variant: `spring_sum`, `add_forces`, `damp`, and the integrator's formulas."""
     device = cuda.jit(device=True, **kernel_options(math))
-    spring_acceleration_2d, damped = device_formulas(springs.make, real, math)
+    pulls = device_formulas(springs, real, math)
+    spring_acceleration_2d, damped = pulls.spring_acceleration_2d, pulls.damped
     spring_sum = _make_spring_sum(real, device, spring_acceleration_2d, parts)
-    formulas = device_formulas(integrators.make, real, math, damped="damping" in parts)
+    formulas = device_formulas(integrators, real, math, damped="damping" in parts)
     particle_force = make_particle_force(real, math, 2, parts)
     has_gravity, has_damping = "gravity" in parts, "damping" in parts
     changes, zero = particle_forces_change(parts), real(0)

@@ -3,45 +3,25 @@ model/formulas/distance.py. They have no multipliers and move only a; the anchor
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
-from softlab.model.formulas import plain
-from softlab.model.formulas.distance import make as make_distance
-
-
-def make(real, compiled=plain, anchors=1):
-    """Make `project`. `anchors`: anchors per particle."""
-    formulas = make_distance(real, compiled)
-    tether, tethered, squared_length = formulas.tether, formulas.tethered, formulas.squared_length_3d
-
-    @compiled
-    def restrained(a, b, max_distance):
-        dx, dy, dz = a[0] - b[0], a[1] - b[1], a[2] - b[2]
-        factor = tether(squared_length(dx, dy, dz), max_distance)
-        return tethered(a[0], b[0], dx, factor), tethered(a[1], b[1], dy, factor), tethered(a[2], b[2], dz, factor)
-
-    restrained_by_all = _by_last(anchors, restrained, compiled)
-    for n in range(anchors - 1, 0, -1):
-        restrained_by_all = _by_next(n, restrained, restrained_by_all, compiled)
-
-    @compiled
-    def project(points, before, weights, values, multipliers, constants):
-        return (restrained_by_all(points[0], points, values),), multipliers
-
-    return SimpleNamespace(project=project)
+from softlab.model.base.variant import FEATURE, formula
+from softlab.model.formulas.distance import tether, tethered
+from softlab.model.formulas.lengths import squared_length_3d
 
 
-def _by_last(n, restrained, compiled):
-    @compiled
-    def last(a, points, values):
-        return restrained(a, points[n], values[n - 1])
+@formula
+def restrained(a, b, max_distance):
+    dx, dy, dz = a[0] - b[0], a[1] - b[1], a[2] - b[2]
+    factor = tether(squared_length_3d(dx, dy, dz), max_distance)
+    return tethered(a[0], b[0], dx, factor), tethered(a[1], b[1], dy, factor), tethered(a[2], b[2], dz, factor)
 
-    return last
 
-
-def _by_next(n, restrained, others, compiled):
-    @compiled
-    def one_and_others(a, points, values):
-        return others(restrained(a, points[n], values[n - 1]), points, values)
-
-    return one_and_others
+@formula
+def project(points, before, weights, values, multipliers, constants):
+    a = restrained(points[0], points[1], values[0])
+    if FEATURE.anchors > 1:
+        a = restrained(a, points[2], values[1])
+    if FEATURE.anchors > 2:
+        a = restrained(a, points[3], values[2])
+    if FEATURE.anchors > 3:
+        a = restrained(a, points[4], values[3])
+    return (a,), multipliers

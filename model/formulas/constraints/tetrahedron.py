@@ -24,31 +24,31 @@ A damper's stress is `time` times the rate of the elastic one: alpha beta = time
 from __future__ import annotations
 
 from math import sqrt
-from types import SimpleNamespace
-from typing import Any
 
-from softlab.model.formulas import plain
-from softlab.model.formulas.bending import make as make_bending
+from softlab.model.base.variant import FEATURE, formula
+from softlab.model.formulas.bending import shift, softness
 from softlab.model.formulas.constraints.tetrahedron_block import OPERATIONS as OPERATIONS_BLOCK
 from softlab.model.formulas.constraints.tetrahedron_block import OPERATIONS_DAMPER as OPERATIONS_BLOCK_DAMPER
 from softlab.model.formulas.constraints.tetrahedron_block import OPERATIONS_SOFT as OPERATIONS_BLOCK_SOFT
-from softlab.model.formulas.constraints.tetrahedron_block import make_block
+from softlab.model.formulas.constraints.tetrahedron_block import block
 from softlab.model.formulas.constraints.tetrahedron_hookean import OPERATIONS as OPERATIONS_HOOKEAN
-from softlab.model.formulas.constraints.tetrahedron_hookean import OPERATIONS_COMBINED, make_hookean
+from softlab.model.formulas.constraints.tetrahedron_hookean import OPERATIONS_COMBINED, combined, descend
 from softlab.model.formulas.constraints.tetrahedron_hookean import OPERATIONS_DAMPER as OPERATIONS_HOOKEAN_DAMPER
 from softlab.model.formulas.constraints.tetrahedron_hookean import OPERATIONS_SOFT as OPERATIONS_HOOKEAN_SOFT
-from softlab.model.formulas.distance import make as make_distance
+from softlab.model.formulas.distance import reciprocal
 from softlab.model.formulas.elastic.deformation import (
     OPERATIONS_COFACTOR,
     OPERATIONS_DETERMINANT,
     OPERATIONS_FRAMED,
     OPERATIONS_FRAMED_CORNERS,
     OPERATIONS_ROTATION,
-    make_framed,
-    make_gradient,
-    make_rotation,
+    cofactor,
+    determinant,
+    framed_corners,
+    framed_gradient,
+    rotation,
 )
-from softlab.model.formulas.lengths import make as make_lengths
+from softlab.model.formulas.lengths import dot
 
 MATERIALS = ("fixed-corotated", "corotated", "neo-hookean")
 FIXED, COROTATED, HOOKEAN = range(len(MATERIALS))
@@ -82,161 +82,145 @@ def operations(
     return OPERATIONS_FRAMED + rotation + shape + volume
 
 
-def make(real, compiled=plain, material=FIXED, damped=False, blocks=False, soft=True, alone=True):
-    """Make `project` (see the package).
-
-    `material`: an index into MATERIALS; `damped`: include the damper; `blocks`: see the head of the file; `soft`:
-    multipliers may differ from 0; `alone`: include C_H (False where a voxel has it instead, voxel_volume.py).
-    """
-    softness, gradient, zero = make_bending(real, compiled).softness, make_framed(real, compiled).gradient, real(0)
-    terms, one_row = make_terms(real, compiled, material), make_row(real, compiled, damped, soft)
-    distortion, dilation, scaled = terms.distortion, terms.dilation, one_row.scaled
-    row, row_of_length = one_row.row, one_row.row_of_length
-    block: Any = make_block(real, compiled, damped, soft) if blocks else None
-    hookean: Any = make_hookean(real, compiled, damped, soft) if material == HOOKEAN else None
-    descend: Any = hookean.descend if hookean else None
-    combined: Any = hookean.combined if hookean else None
-
-    @compiled
-    def damper(values, constants):
-        return scaled(constants[1], values[TIME]) if damped else zero
-
-    @compiled
-    def with_volume(points, before, weights, values, multiplier, gamma, constants):
-        """(corners after C_H, multiplier of C_H)."""
-        if not alone:
-            return points, zero
-        violation, g = dilation(gradient(points[0], points[1], points[2], points[3], values), values[REST])
-        compliance = softness(constants[0], values[SOFT_VOLUME])
-        return row(points, before, weights, values, violation, g, compliance, multiplier, gamma)
-
-    @compiled
-    def project_block(points, before, weights, values, multipliers, constants):
-        gamma, compliance = damper(values, constants), softness(constants[0], values[SOFT_SHAPE])
-        points, first = block(points, before, weights, values, compliance, multipliers, gamma)
-        points, second = with_volume(points, before, weights, values, multipliers[9], gamma, constants)
-        return points, (*first, second)
-
-    @compiled
-    def project(points, before, weights, values, multipliers, constants):
-        gamma, compliance = damper(values, constants), softness(constants[0], values[SOFT_SHAPE])
-        squared, g = distortion(gradient(points[0], points[1], points[2], points[3], values))
-        points, first = row_of_length(points, before, weights, values, squared, g, compliance, multipliers[0], gamma)
-        points, second = with_volume(points, before, weights, values, multipliers[1], gamma, constants)
-        return points, (first, second)
-
-    @compiled
-    def project_hookean(points, before, weights, values, multipliers, constants):
-        gamma, compliance = damper(values, constants), softness(constants[0], values[SOFT_SHAPE])
-        points, first = descend(points, before, weights, values, compliance, multipliers, gamma)
-        if not alone:
-            return points, (*first, zero)
-        violation, g = dilation(gradient(points[0], points[1], points[2], points[3], values), values[REST])
-        compliance = softness(constants[0], values[SOFT_VOLUME])
-        points, second = row(points, before, weights, values, violation, g, compliance, multipliers[9], gamma)
-        if soft:
-            first = combined(first, second - multipliers[9], g)
-        return points, (*first, second)
-
-    of_lengths = project_block if blocks else project
-    return SimpleNamespace(project=project_hookean if hookean else of_lengths)
+@formula
+def damper(values, constants):
+    return scaled(constants[1], values[TIME]) if FEATURE.damped else 0.0
 
 
-def make_terms(real, compiled, material):
-    """Make `distortion` and `dilation`: the two constraints of a material."""
-    dot, elastic, rotation = (
-        make_lengths(real, compiled).dot,
-        make_gradient(real, compiled),
-        make_rotation(real, compiled),
+@formula
+def with_volume(points, before, weights, values, multiplier, gamma, constants):
+    """(corners after C_H, multiplier of C_H)."""
+    if not FEATURE.alone:
+        return points, 0.0
+    violation, g = dilation(framed_gradient(points[0], points[1], points[2], points[3], values), values[REST])
+    compliance = softness(constants[0], values[SOFT_VOLUME])
+    return row(points, before, weights, values, violation, g, compliance, multiplier, gamma)
+
+
+@formula
+def project_block(points, before, weights, values, multipliers, constants):
+    gamma, compliance = damper(values, constants), softness(constants[0], values[SOFT_SHAPE])
+    points, first = block(points, before, weights, values, compliance, multipliers, gamma)
+    points, second = with_volume(points, before, weights, values, multipliers[9], gamma, constants)
+    return points, (*first, second)
+
+
+@formula
+def project_by_rows(points, before, weights, values, multipliers, constants):
+    gamma, compliance = damper(values, constants), softness(constants[0], values[SOFT_SHAPE])
+    squared, g = distortion(framed_gradient(points[0], points[1], points[2], points[3], values))
+    points, first = row_of_length(points, before, weights, values, squared, g, compliance, multipliers[0], gamma)
+    points, second = with_volume(points, before, weights, values, multipliers[1], gamma, constants)
+    return points, (first, second)
+
+
+@formula
+def project_hookean(points, before, weights, values, multipliers, constants):
+    gamma, compliance = damper(values, constants), softness(constants[0], values[SOFT_SHAPE])
+    points, first = descend(points, before, weights, values, compliance, multipliers, gamma)
+    if not FEATURE.alone:
+        return points, (*first, 0.0)
+    violation, g = dilation(framed_gradient(points[0], points[1], points[2], points[3], values), values[REST])
+    compliance = softness(constants[0], values[SOFT_VOLUME])
+    points, second = row(points, before, weights, values, violation, g, compliance, multipliers[9], gamma)
+    if FEATURE.soft:
+        first = combined(first, second - multipliers[9], g)
+    return points, (*first, second)
+
+
+@formula
+def project(points, before, weights, values, multipliers, constants):
+    """See the package. FEATURE.material: an index into MATERIALS; .damped: with the damper; .blocks: see the head of the
+    file; .soft: multipliers may differ from 0; .alone: with C_H, which a voxel may have instead (voxel_volume.py)."""
+    if FEATURE.material == HOOKEAN:
+        return project_hookean(points, before, weights, values, multipliers, constants)
+    if FEATURE.blocks:
+        return project_block(points, before, weights, values, multipliers, constants)
+    return project_by_rows(points, before, weights, values, multipliers, constants)
+
+
+@formula
+def distortion(f):
+    """(C_D^2, G) of a material that has a length C_D."""
+    r = rotation(f)
+    g = (
+        f[0] - r[0], f[1] - r[1], f[2] - r[2], f[3] - r[3], f[4] - r[4], f[5] - r[5],
+        f[6] - r[6], f[7] - r[7], f[8] - r[8],
+    )  # fmt: skip
+    squared = (dot(g[0], g[1], g[2], g[0], g[1], g[2]) + dot(g[3], g[4], g[5], g[3], g[4], g[5])) + dot(
+        g[6], g[7], g[8], g[6], g[7], g[8]
     )
-    cofactor, determinant, three = elastic.cofactor, elastic.determinant, real(3)
-    is_corotated = material == COROTATED
+    return squared, g
 
-    @compiled
-    def distortion(f):
-        """(C_D^2, G) of a material that has a length C_D."""
+
+@formula
+def dilation(f, rest):
+    """(C_H, derivative of C_H by F)."""
+    if FEATURE.material == COROTATED:
         r = rotation(f)
-        g = (
-            f[0] - r[0], f[1] - r[1], f[2] - r[2], f[3] - r[3], f[4] - r[4], f[5] - r[5],
-            f[6] - r[6], f[7] - r[7], f[8] - r[8],
-        )  # fmt: skip
-        squared = (dot(g[0], g[1], g[2], g[0], g[1], g[2]) + dot(g[3], g[4], g[5], g[3], g[4], g[5])) + dot(
-            g[6], g[7], g[8], g[6], g[7], g[8]
+        along = (dot(r[0], r[1], r[2], f[0], f[1], f[2]) + dot(r[3], r[4], r[5], f[3], f[4], f[5])) + dot(
+            r[6], r[7], r[8], f[6], f[7], f[8]
         )
-        return squared, g
-
-    @compiled
-    def dilation(f, rest):
-        """(C_H, derivative of C_H by F)."""
-        if is_corotated:
-            r = rotation(f)
-            along = (dot(r[0], r[1], r[2], f[0], f[1], f[2]) + dot(r[3], r[4], r[5], f[3], f[4], f[5])) + dot(
-                r[6], r[7], r[8], f[6], f[7], f[8]
-            )
-            return along - three, r
-        cofactors = cofactor(f)
-        return determinant(f, cofactors) - rest, cofactors
-
-    return SimpleNamespace(distortion=distortion, dilation=dilation)
+        return along - 3.0, r
+    cofactors = cofactor(f)
+    return determinant(f, cofactors) - rest, cofactors
 
 
-def make_row(real, compiled, damped, soft):
-    """Make `row` (one scalar constraint of four corners), `row_of_length` (one that is a length) and `scaled`."""
-    shift, reciprocal = make_bending(real, compiled).shift, make_distance(real, compiled).reciprocal
-    dot, corners, zero, one = make_lengths(real, compiled).dot, make_framed(real, compiled).corners, real(0), real(1)
+@formula
+def passed(g, now, before):
+    """Displacement of a corner in this substep, projected on the constraint's gradient."""
+    return dot(g[0], g[1], g[2], now[0] - before[0], now[1] - before[1], now[2] - before[2])
 
-    @compiled
-    def passed(g, now, before):
-        """Displacement of a corner in this substep, projected on the constraint's gradient."""
-        return dot(g[0], g[1], g[2], now[0] - before[0], now[1] - before[1], now[2] - before[2])
 
-    @compiled
-    def change_of(violation, accumulated, along, inverse):
-        """Change of the multiplier."""
-        return ((-violation - accumulated) - along) * inverse
+@formula
+def change_of(violation, accumulated, along, inverse):
+    """Change of the multiplier."""
+    return ((-violation - accumulated) - along) * inverse
 
-    @compiled
-    def scaled(scale, value):
-        return scale * value
 
-    @compiled
-    def changed(points, before, weights, values, violation, g, accumulated, compliance, gamma):
-        """(corners after a constraint whose derivative by F is `g`, change of its multiplier).
+@formula
+def scaled(scale, value):
+    return scale * value
 
-        `accumulated`: compliance times the multiplier so far.
-        """
-        a, b, c, d = points
-        wa, wb, wc, wd = weights
-        ga, gb, gc, gd = corners(g, values)
-        weight = (
-            wa * dot(ga[0], ga[1], ga[2], ga[0], ga[1], ga[2]) + wb * dot(gb[0], gb[1], gb[2], gb[0], gb[1], gb[2])
-        ) + (wc * dot(gc[0], gc[1], gc[2], gc[0], gc[1], gc[2]) + wd * dot(gd[0], gd[1], gd[2], gd[0], gd[1], gd[2]))
-        along = zero
-        if damped:
-            p, q, r, s = before
-            along = scaled(gamma, (passed(ga, a, p) + passed(gb, b, q)) + (passed(gc, c, r) + passed(gd, d, s)))
-        change = change_of(violation, accumulated, along, reciprocal(weight, one + gamma, compliance))
-        moved = (
-            shift(a, wa, ga[0], ga[1], ga[2], change), shift(b, wb, gb[0], gb[1], gb[2], change),
-            shift(c, wc, gc[0], gc[1], gc[2], change), shift(d, wd, gd[0], gd[1], gd[2], change),
-        )  # fmt: skip
-        return moved, change
 
-    @compiled
-    def row(points, before, weights, values, violation, g, compliance, multiplier, gamma):
-        """(corners after one constraint, its multiplier)."""
-        accumulated = scaled(compliance, multiplier) if soft else zero
-        moved, change = changed(points, before, weights, values, violation, g, accumulated, compliance, gamma)
-        return moved, multiplier + change
+@formula
+def changed(points, before, weights, values, violation, g, accumulated, compliance, gamma):
+    """(corners after a constraint whose derivative by F is `g`, change of its multiplier).
 
-    @compiled
-    def row_of_length(points, before, weights, values, squared, g, compliance, multiplier, gamma):
-        """(corners, multiplier) as by `row`, for the length of `g` as the constraint; `squared`: that length squared.
-        See the head of the file."""
-        length = sqrt(squared) if soft else zero
-        accumulated = scaled(length, scaled(compliance, multiplier)) if soft else zero
-        scaled_compliance = scaled(compliance, squared)
-        moved, change = changed(points, before, weights, values, squared, g, accumulated, scaled_compliance, gamma)
-        return moved, multiplier + scaled(length, change) if soft else zero
+    `accumulated`: compliance times the multiplier so far.
+    """
+    a, b, c, d = points
+    wa, wb, wc, wd = weights
+    ga, gb, gc, gd = framed_corners(g, values)
+    weight = (
+        wa * dot(ga[0], ga[1], ga[2], ga[0], ga[1], ga[2]) + wb * dot(gb[0], gb[1], gb[2], gb[0], gb[1], gb[2])
+    ) + (wc * dot(gc[0], gc[1], gc[2], gc[0], gc[1], gc[2]) + wd * dot(gd[0], gd[1], gd[2], gd[0], gd[1], gd[2]))
+    along = 0.0
+    if FEATURE.damped:
+        p, q, r, s = before
+        along = scaled(gamma, (passed(ga, a, p) + passed(gb, b, q)) + (passed(gc, c, r) + passed(gd, d, s)))
+    change = change_of(violation, accumulated, along, reciprocal(weight, 1.0 + gamma, compliance))
+    moved = (
+        shift(a, wa, ga[0], ga[1], ga[2], change), shift(b, wb, gb[0], gb[1], gb[2], change),
+        shift(c, wc, gc[0], gc[1], gc[2], change), shift(d, wd, gd[0], gd[1], gd[2], change),
+    )  # fmt: skip
+    return moved, change
 
-    return SimpleNamespace(row=row, row_of_length=row_of_length, scaled=scaled)
+
+@formula
+def row(points, before, weights, values, violation, g, compliance, multiplier, gamma):
+    """(corners after one constraint, its multiplier)."""
+    accumulated = scaled(compliance, multiplier) if FEATURE.soft else 0.0
+    moved, change = changed(points, before, weights, values, violation, g, accumulated, compliance, gamma)
+    return moved, multiplier + change
+
+
+@formula
+def row_of_length(points, before, weights, values, squared, g, compliance, multiplier, gamma):
+    """(corners, multiplier) as by `row`, for the length of `g` as the constraint; `squared`: that length squared.
+    See the head of the file."""
+    length = sqrt(squared) if FEATURE.soft else 0.0
+    accumulated = scaled(length, scaled(compliance, multiplier)) if FEATURE.soft else 0.0
+    scaled_compliance = scaled(compliance, squared)
+    moved, change = changed(points, before, weights, values, squared, g, accumulated, scaled_compliance, gamma)
+    return moved, multiplier + scaled(length, change) if FEATURE.soft else 0.0

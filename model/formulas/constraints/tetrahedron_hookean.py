@@ -20,13 +20,16 @@ time F dA/dt [Pa], which at rest is `time` times the rate of the elastic one. A 
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
 
-from softlab.model.formulas import plain
-from softlab.model.formulas.elastic.deformation import make_framed, make_gradient
-from softlab.model.formulas.lengths import make as make_lengths
+from softlab.model.base.variant import FEATURE, OfPrecision, formula
+from softlab.model.formulas.elastic.deformation import (
+    cofactor,
+    determinant,
+    framed_corners,
+    framed_gradient,
+)
+from softlab.model.formulas.lengths import dot
 
 OPERATIONS = 27 + 5 + 19 + 33 + 12 + 24 + 36 + 17 + 17 + 27 + 17 + 12 + 24  # cof, J, G, R B, w, R:D, D, q, x, applied
 OPERATIONS_COMBINED = 18
@@ -36,154 +39,149 @@ OPERATIONS_SOFT = 3 * OPERATIONS_COMBINED  # multipliers: two reads, one write
 OPERATIONS_DAMPER = 36 + 60 + 6 + 45 + OPERATIONS_COMBINED + 17 + 66 + 12 + 30 + 12 + 5
 
 
-def make_hookean(real, compiled=plain, damped=False, soft=True):
-    """Make descend(points, before, weights, values, compliance, multipliers, gamma) -> (points, nine multipliers)."""
-    framed, elastic = make_framed(real, compiled), make_gradient(real, compiled)
-    dot, zero, two = make_lengths(real, compiled).dot, real(0), real(2)
-    gradient, corners, cofactor, determinant = framed.gradient, framed.corners, elastic.cofactor, elastic.determinant
-    matrices = make_matrices(real, compiled)
-    product, combined, stretched, strain = matrices.product, matrices.combined, matrices.stretched, matrices.strain
-    slope, less, halved, along = matrices.slope, matrices.less, matrices.halved, matrices.along
-    least = real(np.finfo(real).tiny / np.finfo(real).eps)  # smallest R:D; below it a quotient may be infinite
-
-    @compiled
-    def displaced(weight, row):
-        return weight * row[0], weight * row[1], weight * row[2]
-
-    @compiled
-    def shifted(point, scale, direction):
-        return point[0] + scale * direction[0], point[1] + scale * direction[1], point[2] + scale * direction[2]
-
-    @compiled
-    def larger(a, b):
-        return a if a > b else b
-
-    @compiled
-    def curvature(f, cofactors, excess, d):
-        """q. `excess`: J - 2."""
-        first, squared = product(cofactors, d), product(d, d)
-        second = (excess + excess) * product(f, cofactor(d))
-        return larger(squared + (first * first + second), squared + squared)
-
-    @compiled
-    def friction(f, d, grown, least_part):
-        """Contribution of the damper to q, over gamma. `grown`: A - A0."""
-        return larger(halved(slope(f, d)) + larger(along(grown, strain(d)), zero), least_part)
-
-    @compiled
-    def step_of(impulse, compliance, q):
-        """Step size x."""
-        return impulse / (compliance * impulse + q) if impulse > least else zero
-
-    @compiled
-    def descend(points, before, weights, values, compliance, m, gamma):
-        f = gradient(points[0], points[1], points[2], points[3], values)
-        c = cofactor(f)
-        excess = determinant(f, c) - two
-        y = combined(f, excess, c)
-        if soft:
-            y = combined(y, compliance, combined(m, -m[9], c))
-        grown = zero, zero, zero, zero, zero, zero
-        if damped:
-            grown = less(strain(f), strain(gradient(before[0], before[1], before[2], before[3], values)))
-            y = combined(y, gamma, stretched(f, grown))
-        r = -y[0], -y[1], -y[2], -y[3], -y[4], -y[5], -y[6], -y[7], -y[8]
-        ra, rb, rc, rd = corners(r, values)
-        a, b, e, g = (
-            displaced(weights[0], ra), displaced(weights[1], rb), displaced(weights[2], rc), displaced(weights[3], rd)
-        )  # fmt: skip
-        impulse = (
-            dot(ra[0], ra[1], ra[2], a[0], a[1], a[2]) + dot(rb[0], rb[1], rb[2], b[0], b[1], b[2])
-        ) + (dot(rc[0], rc[1], rc[2], e[0], e[1], e[2]) + dot(rd[0], rd[1], rd[2], g[0], g[1], g[2]))  # fmt: skip
-        d = gradient(a, b, e, g, values)
-        q = curvature(f, c, excess, d)
-        if damped:
-            squared = product(d, d)
-            q = q + gamma * friction(f, d, grown, squared + squared)
-        x = step_of(impulse, compliance, q)
-        points = shifted(points[0], x, a), shifted(points[1], x, b), shifted(points[2], x, e), shifted(points[3], x, g)
-        return points, (combined(m, x, r) if soft else (zero, zero, zero, zero, zero, zero, zero, zero, zero))
-
-    return SimpleNamespace(descend=descend, combined=combined)
+LEAST = OfPrecision(lambda real: np.finfo(real).tiny / np.finfo(real).eps)
 
 
-def make_matrices(real, compiled):
-    """Make products of 3 x 3 matrices, as nine numbers by rows. Symmetric ones are six numbers: xx, xy, xz, yy, yz,
-    zz."""
-    dot, half = make_lengths(real, compiled).dot, real(0.5)
+@formula
+def displaced(weight, row):
+    return weight * row[0], weight * row[1], weight * row[2]
 
-    @compiled
-    def product(a, b):
-        """tr(A'B)."""
-        return (dot(a[0], a[1], a[2], b[0], b[1], b[2]) + dot(a[3], a[4], a[5], b[3], b[4], b[5])) + dot(
-            a[6], a[7], a[8], b[6], b[7], b[8]
-        )
 
-    @compiled
-    def combined(a, scale, b):
-        """A + scale B."""
-        return (
-            a[0] + scale * b[0], a[1] + scale * b[1], a[2] + scale * b[2], a[3] + scale * b[3], a[4] + scale * b[4],
-            a[5] + scale * b[5], a[6] + scale * b[6], a[7] + scale * b[7], a[8] + scale * b[8],
-        )  # fmt: skip
+@formula
+def shifted(point, scale, direction):
+    return point[0] + scale * direction[0], point[1] + scale * direction[1], point[2] + scale * direction[2]
 
-    @compiled
-    def strain(f):
-        """F'F, six numbers."""
-        return (
-            dot(f[0], f[3], f[6], f[0], f[3], f[6]), dot(f[0], f[3], f[6], f[1], f[4], f[7]),
-            dot(f[0], f[3], f[6], f[2], f[5], f[8]), dot(f[1], f[4], f[7], f[1], f[4], f[7]),
-            dot(f[1], f[4], f[7], f[2], f[5], f[8]), dot(f[2], f[5], f[8], f[2], f[5], f[8]),
-        )  # fmt: skip
 
-    @compiled
-    def stretched(f, s):
-        """F S, S symmetric."""
-        return (
-            dot(f[0], f[1], f[2], s[0], s[1], s[2]), dot(f[0], f[1], f[2], s[1], s[3], s[4]),
-            dot(f[0], f[1], f[2], s[2], s[4], s[5]), dot(f[3], f[4], f[5], s[0], s[1], s[2]),
-            dot(f[3], f[4], f[5], s[1], s[3], s[4]), dot(f[3], f[4], f[5], s[2], s[4], s[5]),
-            dot(f[6], f[7], f[8], s[0], s[1], s[2]), dot(f[6], f[7], f[8], s[1], s[3], s[4]),
-            dot(f[6], f[7], f[8], s[2], s[4], s[5]),
-        )  # fmt: skip
+@formula
+def larger(a, b):
+    return a if a > b else b
 
-    @compiled
-    def twice(f, d, i, j):
-        """Entry (i, j) of F'D + D'F."""
-        return dot(f[i], f[i + 3], f[i + 6], d[j], d[j + 3], d[j + 6]) + dot(
-            d[i], d[i + 3], d[i + 6], f[j], f[j + 3], f[j + 6]
-        )
 
-    @compiled
-    def slope(f, d):
-        """F'D + D'F, six numbers: the derivative of F'F along D."""
-        return (
-            twice(f, d, 0, 0),
-            twice(f, d, 0, 1),
-            twice(f, d, 0, 2),
-            twice(f, d, 1, 1),
-            twice(f, d, 1, 2),
-            twice(f, d, 2, 2),
-        )
+@formula
+def curvature(f, cofactors, excess, d):
+    """q. `excess`: J - 2."""
+    first, squared = product(cofactors, d), product(d, d)
+    second = (excess + excess) * product(f, cofactor(d))
+    return larger(squared + (first * first + second), squared + squared)
 
-    @compiled
-    def less(s, t):
-        """S - T of symmetric matrices."""
-        return s[0] - t[0], s[1] - t[1], s[2] - t[2], s[3] - t[3], s[4] - t[4], s[5] - t[5]
 
-    @compiled
-    def halved(s):
-        """|S|^2 / 2 of a symmetric matrix."""
-        off = dot(s[1], s[2], s[4], s[1], s[2], s[4])
-        return half * dot(s[0], s[3], s[5], s[0], s[3], s[5]) + off
+@formula
+def friction(f, d, grown, least_part):
+    """Contribution of the damper to q, over gamma. `grown`: A - A0."""
+    return larger(halved(slope(f, d)) + larger(along(grown, strain(d)), 0.0), least_part)
 
-    @compiled
-    def along(s, t):
-        """tr(S T) of symmetric matrices."""
-        off = dot(s[1], s[2], s[4], t[1], t[2], t[4])
-        return dot(s[0], s[3], s[5], t[0], t[3], t[5]) + (off + off)
 
-    return SimpleNamespace(
-        product=product, combined=combined, strain=strain, stretched=stretched, slope=slope, less=less, halved=halved,
-        along=along,
+@formula
+def step_of(impulse, compliance, q):
+    """Step size x."""
+    return impulse / (compliance * impulse + q) if impulse > LEAST else 0.0
+
+
+@formula
+def descend(points, before, weights, values, compliance, m, gamma):
+    f = framed_gradient(points[0], points[1], points[2], points[3], values)
+    c = cofactor(f)
+    excess = determinant(f, c) - 2.0
+    y = combined(f, excess, c)
+    if FEATURE.soft:
+        y = combined(y, compliance, combined(m, -m[9], c))
+    grown = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    if FEATURE.damped:
+        grown = less(strain(f), strain(framed_gradient(before[0], before[1], before[2], before[3], values)))
+        y = combined(y, gamma, stretched(f, grown))
+    r = -y[0], -y[1], -y[2], -y[3], -y[4], -y[5], -y[6], -y[7], -y[8]
+    ra, rb, rc, rd = framed_corners(r, values)
+    a, b, e, g = (
+        displaced(weights[0], ra), displaced(weights[1], rb), displaced(weights[2], rc), displaced(weights[3], rd)
     )  # fmt: skip
+    impulse = (
+        dot(ra[0], ra[1], ra[2], a[0], a[1], a[2]) + dot(rb[0], rb[1], rb[2], b[0], b[1], b[2])
+    ) + (dot(rc[0], rc[1], rc[2], e[0], e[1], e[2]) + dot(rd[0], rd[1], rd[2], g[0], g[1], g[2]))  # fmt: skip
+    d = framed_gradient(a, b, e, g, values)
+    q = curvature(f, c, excess, d)
+    if FEATURE.damped:
+        squared = product(d, d)
+        q = q + gamma * friction(f, d, grown, squared + squared)
+    x = step_of(impulse, compliance, q)
+    points = shifted(points[0], x, a), shifted(points[1], x, b), shifted(points[2], x, e), shifted(points[3], x, g)
+    return points, (combined(m, x, r) if FEATURE.soft else (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
+
+
+@formula
+def product(a, b):
+    """tr(A'B)."""
+    return (dot(a[0], a[1], a[2], b[0], b[1], b[2]) + dot(a[3], a[4], a[5], b[3], b[4], b[5])) + dot(
+        a[6], a[7], a[8], b[6], b[7], b[8]
+    )
+
+
+@formula
+def combined(a, scale, b):
+    """A + scale B."""
+    return (
+        a[0] + scale * b[0], a[1] + scale * b[1], a[2] + scale * b[2], a[3] + scale * b[3], a[4] + scale * b[4],
+        a[5] + scale * b[5], a[6] + scale * b[6], a[7] + scale * b[7], a[8] + scale * b[8],
+    )  # fmt: skip
+
+
+@formula
+def strain(f):
+    """F'F, six numbers."""
+    return (
+        dot(f[0], f[3], f[6], f[0], f[3], f[6]), dot(f[0], f[3], f[6], f[1], f[4], f[7]),
+        dot(f[0], f[3], f[6], f[2], f[5], f[8]), dot(f[1], f[4], f[7], f[1], f[4], f[7]),
+        dot(f[1], f[4], f[7], f[2], f[5], f[8]), dot(f[2], f[5], f[8], f[2], f[5], f[8]),
+    )  # fmt: skip
+
+
+@formula
+def stretched(f, s):
+    """F S, S symmetric."""
+    return (
+        dot(f[0], f[1], f[2], s[0], s[1], s[2]), dot(f[0], f[1], f[2], s[1], s[3], s[4]),
+        dot(f[0], f[1], f[2], s[2], s[4], s[5]), dot(f[3], f[4], f[5], s[0], s[1], s[2]),
+        dot(f[3], f[4], f[5], s[1], s[3], s[4]), dot(f[3], f[4], f[5], s[2], s[4], s[5]),
+        dot(f[6], f[7], f[8], s[0], s[1], s[2]), dot(f[6], f[7], f[8], s[1], s[3], s[4]),
+        dot(f[6], f[7], f[8], s[2], s[4], s[5]),
+    )  # fmt: skip
+
+
+@formula
+def twice(f, d, i, j):
+    """Entry (i, j) of F'D + D'F."""
+    return dot(f[i], f[i + 3], f[i + 6], d[j], d[j + 3], d[j + 6]) + dot(
+        d[i], d[i + 3], d[i + 6], f[j], f[j + 3], f[j + 6]
+    )
+
+
+@formula
+def slope(f, d):
+    """F'D + D'F, six numbers: the derivative of F'F along D."""
+    return (
+        twice(f, d, 0, 0),
+        twice(f, d, 0, 1),
+        twice(f, d, 0, 2),
+        twice(f, d, 1, 1),
+        twice(f, d, 1, 2),
+        twice(f, d, 2, 2),
+    )
+
+
+@formula
+def less(s, t):
+    """S - T of symmetric matrices."""
+    return s[0] - t[0], s[1] - t[1], s[2] - t[2], s[3] - t[3], s[4] - t[4], s[5] - t[5]
+
+
+@formula
+def halved(s):
+    """|S|^2 / 2 of a symmetric matrix."""
+    off = dot(s[1], s[2], s[4], s[1], s[2], s[4])
+    return 0.5 * dot(s[0], s[3], s[5], s[0], s[3], s[5]) + off
+
+
+@formula
+def along(s, t):
+    """tr(S T) of symmetric matrices."""
+    off = dot(s[1], s[2], s[4], t[1], t[2], t[4])
+    return dot(s[0], s[3], s[5], t[0], t[3], t[5]) + (off + off)

@@ -9,11 +9,9 @@ linear iteration.
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
 
-from softlab.model.formulas import plain
+from softlab.model.base.variant import formula
 
 OPERATIONS = 9
 
@@ -26,16 +24,10 @@ def weights(rho: float, iterations: int, real: type) -> np.ndarray:
     return np.array(factors[:iterations], real)
 
 
-def make(real, compiled=plain):
-    """Make `beyond` in the arithmetic `real`."""
-    one = real(1)
-
-    @compiled
-    def beyond(x, older, w):
-        """Extrapolated position, one axis. x: after this sweep; `older`: after the sweep before the last, read only
-        where w is not 1."""
-        if w == one:
-            return x
-        return older + w * (x - older)
-
-    return SimpleNamespace(beyond=beyond)
+@formula
+def beyond(x, older, w):
+    """Extrapolated position, one axis. x: after this sweep; `older`: after the sweep before the last, read only
+    where w is not 1."""
+    if w == 1.0:
+        return x
+    return older + w * (x - older)

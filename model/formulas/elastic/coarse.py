@@ -10,61 +10,60 @@ Brezina, "Algebraic Multigrid by Smoothed Aggregation for Second and Fourth Orde
 from __future__ import annotations
 
 from math import sqrt
-from types import SimpleNamespace
 
 import numpy as np
 
-from softlab.model.formulas import plain
-from softlab.model.formulas.lengths import make as make_lengths
+from softlab.model.base.variant import OfPrecision, formula
+from softlab.model.formulas.lengths import cross
 
 LOST = 64  # rounding units: a pivot below so many times its row's entry is rounding, and its motion is omitted
 
 
-def make(real, compiled=plain):
-    """Make the functions of one particle or row, in the arithmetic `real`."""
-    cross = make_lengths(real, compiled).cross
-    zero, one = real(0), real(1)
-    lost = real(LOST * float(np.finfo(real).eps))
+LEAST_PIVOT = OfPrecision(lambda real: LOST * float(np.finfo(real).eps))
 
-    @compiled
-    def scale_of(squares, count):
-        """s, from the sum of squares of d."""
-        return sqrt(count / squares) if squares > zero else zero
 
-    @compiled
-    def arm(x, y, z, cx, cy, cz, s):
-        """d s, three numbers."""
-        return s * (x - cx), s * (y - cy), s * (z - cz)
+@formula
+def scale_of(squares, count):
+    """s, from the sum of squares of d."""
+    return sqrt(count / squares) if squares > 0.0 else 0.0
 
-    @compiled
-    def moment(d, x, y, z):
-        """P' of a vector at a particle: (force, moment)."""
-        p, q, r = cross(d[0], d[1], d[2], x, y, z)
-        return x, y, z, p, q, r
 
-    @compiled
-    def motion(d, y):
-        """P y at a particle."""
-        p, q, r = cross(y[3], y[4], y[5], d[0], d[1], d[2])
-        return y[0] + p, y[1] + q, y[2] + r
+@formula
+def arm(x, y, z, cx, cy, cz, s):
+    """d s, three numbers."""
+    return s * (x - cx), s * (y - cy), s * (z - cz)
 
-    @compiled
-    def columns(d, e, m):
-        """P' M P, six columns of six numbers, of a block M (9, by rows) from a particle with the arm `e` to one with
-        `d`."""
-        px, py, pz = cross(e[0], e[1], e[2], m[0], m[1], m[2])
-        qx, qy, qz = cross(e[0], e[1], e[2], m[3], m[4], m[5])
-        rx, ry, rz = cross(e[0], e[1], e[2], m[6], m[7], m[8])
-        return (
-            moment(d, m[0], m[3], m[6]), moment(d, m[1], m[4], m[7]), moment(d, m[2], m[5], m[8]), moment(d, px, qx, rx),
-            moment(d, py, qy, ry), moment(d, pz, qz, rz),
-        )  # fmt: skip
 
-    @compiled
-    def pivot(left, entry):
-        """(1 / the root of what is left of a diagonal entry, or 0 where only rounding is left; True if what is left is
-        negative)."""
-        least = lost * entry
-        return (one / sqrt(left) if left > least else zero), left < -least
+@formula
+def moment(d, x, y, z):
+    """P' of a vector at a particle: (force, moment)."""
+    p, q, r = cross(d[0], d[1], d[2], x, y, z)
+    return x, y, z, p, q, r
 
-    return SimpleNamespace(scale_of=scale_of, arm=arm, moment=moment, motion=motion, columns=columns, pivot=pivot)
+
+@formula
+def motion(d, y):
+    """P y at a particle."""
+    p, q, r = cross(y[3], y[4], y[5], d[0], d[1], d[2])
+    return y[0] + p, y[1] + q, y[2] + r
+
+
+@formula
+def columns(d, e, m):
+    """P' M P, six columns of six numbers, of a block M (9, by rows) from a particle with the arm `e` to one with
+    `d`."""
+    px, py, pz = cross(e[0], e[1], e[2], m[0], m[1], m[2])
+    qx, qy, qz = cross(e[0], e[1], e[2], m[3], m[4], m[5])
+    rx, ry, rz = cross(e[0], e[1], e[2], m[6], m[7], m[8])
+    return (
+        moment(d, m[0], m[3], m[6]), moment(d, m[1], m[4], m[7]), moment(d, m[2], m[5], m[8]), moment(d, px, qx, rx),
+        moment(d, py, qy, ry), moment(d, pz, qz, rz),
+    )  # fmt: skip
+
+
+@formula
+def pivot(left, entry):
+    """(1 / the root of what is left of a diagonal entry, or 0 where only rounding is left; True if what is left is
+    negative)."""
+    least = LEAST_PIVOT * entry
+    return (1.0 / sqrt(left) if left > least else 0.0), left < -least

@@ -26,16 +26,14 @@ stress where that is compressive. All equations are divided by m / h^2, so that 
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
-from softlab.model.formulas import plain
-from softlab.model.formulas.constraints.tetrahedron import FIXED, HOOKEAN
+from softlab.model.base.variant import FEATURE, formula
+from softlab.model.formulas.constraints.tetrahedron import COROTATED, HOOKEAN
 from softlab.model.formulas.elastic import damper, deformation
 from softlab.model.formulas.elastic import energy as energies
-from softlab.model.formulas.elastic.damper import make as make_damper
-from softlab.model.formulas.elastic.deformation import make_gradient
-from softlab.model.formulas.elastic.energy import make as make_energy
-from softlab.model.formulas.lengths import make as make_lengths
+from softlab.model.formulas.elastic.damper import block, resisted, scaled, squared, strain, stressed
+from softlab.model.formulas.elastic.deformation import gradient
+from softlab.model.formulas.elastic.energy import stress
+from softlab.model.formulas.lengths import dot
 
 COUNT = 13  # values of a tetrahedron: 9 of B; at 9, 10 V k_D, V k_H [J]; at 11 alpha, or 1; at 12 `time` [s]
 STRAINS = 6  # entries of E_0, which is symmetric: xx, yy, zz, xy, xz, yz
@@ -53,190 +51,158 @@ def operations(material: int, item: int, damped: bool) -> int:
     return stress + OPERATIONS_ELEMENT + damped * OPERATIONS_DAMPER
 
 
-def make(real, compiled=plain, material=FIXED, damped=False):
-    """Make `initial_strain`, `element` and the functions of `make_vertex`.
+@formula
+def initial_strain(points, values):
+    """E, six numbers, of the four corners at the start of a substep."""
+    return strain(gradient(points[0], points[1], points[2], points[3], values))
 
-    `material`: an index into MATERIALS; `damped`: include the damper. Corners of tetrahedra and their B are as in
-    formulas/elastic/deformation.py.
+
+@formula
+def damping(f, before, values, rate):
+    """(N, the moduli mu and lambda of Hooke's law at rest), times V tau / h."""
+    mu, lame = 0.5 * values[9], values[10]
+    if FEATURE.material == HOOKEAN:
+        mu, lame = values[9], values[10] - values[9]
+    mu, lame = scaled(values[12], rate, mu, lame)
+    e = strain(f)
+    _, n = resisted(
+        (e[0] - before[0], e[1] - before[1], e[2] - before[2], e[3] - before[3], e[4] - before[4], e[5] - before[5]),
+        mu, lame,
+    )  # fmt: skip
+    return n, mu, lame
+
+
+@formula
+def element(points, values, before, corner, rate):
+    """Contribution of a tetrahedron to the nine sums of its corner.
+
+    `before`: E at the start of the substep, read only with a damper; `rate`: 1 / h.
     """
-    dot = make_lengths(real, compiled).dot
-    gradient = make_gradient(real, compiled).gradient
-    resisting = make_damper(real, compiled)
-    strain, scaled, resisted, stressed = resisting.strain, resisting.scaled, resisting.resisted, resisting.stressed
-    squared, resisting_block = resisting.squared, resisting.block
-    stress = make_energy(real, compiled, material).stress
-    matrices, vertex = make_matrices(real, compiled), make_vertex(real, compiled)
-    row, times, symmetric, turning = matrices.row, matrices.times, matrices.symmetric, matrices.turning
-    is_hookean, stretches = material == HOOKEAN, material == energies.COROTATED
-    zero, half, nothing = real(0), real(0.5), (real(0),) * STRAINS
-
-    @compiled
-    def initial_strain(points, values):
-        """E, six numbers, of the four corners at the start of a substep."""
-        return strain(gradient(points[0], points[1], points[2], points[3], values))
-
-    @compiled
-    def damping(f, before, values, rate):
-        """(N, the moduli mu and lambda of Hooke's law at rest), times V tau / h."""
-        mu, lame = half * values[9], values[10]
-        if is_hookean:
-            mu, lame = values[9], values[10] - values[9]
-        mu, lame = scaled(values[12], rate, mu, lame)
-        e = strain(f)
-        _, n = resisted(
-            (e[0] - before[0], e[1] - before[1], e[2] - before[2], e[3] - before[3], e[4] - before[4], e[5] - before[5]),
-            mu, lame,
-        )  # fmt: skip
-        return n, mu, lame
-
-    @compiled
-    def element(points, values, before, corner, rate):
-        """Contribution of a tetrahedron to the nine sums of its corner.
-
-        `before`: E at the start of the substep, read only with a damper; `rate`: 1 / h.
-        """
-        f = gradient(points[0], points[1], points[2], points[3], values)
-        p, g, r, pull = stress(f, values[9], values[10], values[11])
-        x, y, z = row(values, corner)
-        if damped:
-            n, mu, lame = damping(f, before, values, rate)
-            p = stressed(p, f, n)
-        fx, fy, fz = times(p, x, y, z)
-        gx, gy, gz = times(g, x, y, z)
-        shape, pressure, excess = values[9], values[10], pull - values[9]
-        shear = shape * dot(x, y, z, x, y, z)
-        px, py, pz = pressure * gx, pressure * gy, pressure * gz
-        xx, yy, zz, xy, xz, yz = shear + px * gx, shear + py * gy, shear + pz * gz, px * gy, px * gz, py * gz
-        if stretches:
-            turn = turning(f, r, x, y, z, excess)
-            xx, yy, zz = xx + turn[0], yy + turn[1], zz + turn[2]
-            xy, xz, yz = xy + turn[3], xz + turn[4], yz + turn[5]
-        if damped:
-            nx, ny, nz = symmetric(n, x, y, z)
-            shear = max(dot(x, y, z, nx, ny, nz), zero)
-            h = resisting_block(
-                (shear, zero, zero, zero, shear, zero, zero, zero, shear),
-                f,
-                squared(f),
-                nothing,
-                mu,
-                lame,
-                (x, y, z),
-                (x, y, z),
-            )
-            xx, yy, zz = xx + h[0], yy + h[4], zz + h[8]
-            xy, xz, yz = xy + h[1], xz + h[2], yz + h[5]
-        return fx, fy, fz, xx, yy, zz, xy, xz, yz
-
-    return SimpleNamespace(initial_strain=initial_strain, element=element, **vars(vertex))
+    f = gradient(points[0], points[1], points[2], points[3], values)
+    p, g, r, pull = stress(f, values[9], values[10], values[11])
+    x, y, z = row(values, corner)
+    if FEATURE.damped:
+        n, mu, lame = damping(f, before, values, rate)
+        p = stressed(p, f, n)
+    fx, fy, fz = times(p, x, y, z)
+    gx, gy, gz = times(g, x, y, z)
+    shape, pressure, excess = values[9], values[10], pull - values[9]
+    shear = shape * dot(x, y, z, x, y, z)
+    px, py, pz = pressure * gx, pressure * gy, pressure * gz
+    xx, yy, zz, xy, xz, yz = shear + px * gx, shear + py * gy, shear + pz * gz, px * gy, px * gz, py * gz
+    if FEATURE.material == COROTATED:
+        turn = turning(f, r, x, y, z, excess)
+        xx, yy, zz = xx + turn[0], yy + turn[1], zz + turn[2]
+        xy, xz, yz = xy + turn[3], xz + turn[4], yz + turn[5]
+    if FEATURE.damped:
+        nx, ny, nz = symmetric(n, x, y, z)
+        shear = max(dot(x, y, z, nx, ny, nz), 0.0)
+        h = block(
+            (shear, 0.0, 0.0, 0.0, shear, 0.0, 0.0, 0.0, shear),
+            f,
+            squared(f),
+            (0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+            mu,
+            lame,
+            (x, y, z),
+            (x, y, z),
+        )
+        xx, yy, zz = xx + h[0], yy + h[4], zz + h[8]
+        xy, xz, yz = xy + h[1], xz + h[2], yz + h[5]
+    return fx, fy, fz, xx, yy, zz, xy, xz, yz
 
 
-def make_matrices(real, compiled=plain):
-    """Make the functions of a tetrahedron: rows of B, products with them, and the derivative of R."""
-    dot, zero = make_lengths(real, compiled).dot, real(0)
-
-    @compiled
-    def row(values, corner):
-        """b of corner 0 to 3 of a tetrahedron."""
-        if corner == 1:
-            return values[0], values[1], values[2]
-        if corner == 2:
-            return values[3], values[4], values[5]
-        if corner == 3:
-            return values[6], values[7], values[8]
-        x, y, z = values[0] + values[3], values[1] + values[4], values[2] + values[5]
-        return -x - values[6], -y - values[7], -z - values[8]
-
-    @compiled
-    def times(g, x, y, z):
-        """Matrix, by rows, times a vector."""
-        return dot(g[0], g[1], g[2], x, y, z), dot(g[3], g[4], g[5], x, y, z), dot(g[6], g[7], g[8], x, y, z)
-
-    @compiled
-    def symmetric(t, x, y, z):
-        """Symmetric matrix of six numbers times a vector."""
-        return dot(t[0], t[3], t[4], x, y, z), dot(t[3], t[1], t[5], x, y, z), dot(t[4], t[5], t[2], x, y, z)
-
-    @compiled
-    def turning(f, r, x, y, z, excess):
-        """`excess` times b' dR/dF b = ((b'Gb) G - (Gb)(Gb)') / det G with G = tr S - S, all rotated by R; six
-        numbers."""
-        xx, yy, zz = (
-            dot(f[0], f[1], f[2], r[0], r[1], r[2]), dot(f[3], f[4], f[5], r[3], r[4], r[5]),
-            dot(f[6], f[7], f[8], r[6], r[7], r[8]),
-        )  # fmt: skip
-        xy, xz = -dot(f[0], f[1], f[2], r[3], r[4], r[5]), -dot(f[0], f[1], f[2], r[6], r[7], r[8])
-        yz = -dot(f[3], f[4], f[5], r[6], r[7], r[8])
-        xx, yy, zz = yy + zz, xx + zz, xx + yy
-        bx, by, bz = times(r, x, y, z)
-        gx, gy, gz = symmetric((xx, yy, zz, xy, xz, yz), bx, by, bz)
-        determinant = dot(xx, xy, xz, yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy)
-        scale = zero
-        if (excess > zero) & (determinant > zero):
-            scale = excess / determinant
-        along = scale * dot(bx, by, bz, gx, gy, gz)
-        gx, gy, gz, hx, hy, hz = scale * gx, scale * gy, scale * gz, gx, gy, gz
-        return (
-            along * xx - gx * hx, along * yy - gy * hy, along * zz - gz * hz, along * xy - gx * hy, along * xz - gx * hz,
-            along * yz - gy * hz,
-        )  # fmt: skip
-
-    return SimpleNamespace(row=row, times=times, symmetric=symmetric, turning=turning)
+@formula
+def row(values, corner):
+    """b of corner 0 to 3 of a tetrahedron."""
+    if corner == 1:
+        return values[0], values[1], values[2]
+    if corner == 2:
+        return values[3], values[4], values[5]
+    if corner == 3:
+        return values[6], values[7], values[8]
+    x, y, z = values[0] + values[3], values[1] + values[4], values[2] + values[5]
+    return -x - values[6], -y - values[7], -z - values[8]
 
 
-def make_vertex(real, compiled=plain):
-    """Make the functions of a vertex: its sums, its displacement, its starting point."""
-    one = real(1)
-
-    @compiled
-    def added(a, b):
-        """Elementwise sum of nine numbers and nine more."""
-        return (
-            a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3], a[4] + b[4], a[5] + b[5], a[6] + b[6], a[7] + b[7],
-            a[8] + b[8],
-        )  # fmt: skip
-
-    @compiled
-    def moved(point, inertial, weight, scale, sums):
-        """Position of the vertex at `point` after its visit.
-
-        `inertial`: y; `weight`: the mean mass over the vertex's; `scale`: h^2 over the mean mass. The block is
-        symmetric and no less than I, so that L D L' needs no pivots.
-        """
-        softness = weight * scale
-        gx = (point[0] - inertial[0]) + softness * sums[0]
-        gy = (point[1] - inertial[1]) + softness * sums[1]
-        gz = (point[2] - inertial[2]) + softness * sums[2]
-        xx, yy, zz = one + softness * sums[3], one + softness * sums[4], one + softness * sums[5]
-        xy, xz, yz = softness * sums[6], softness * sums[7], softness * sums[8]
-        first = one / xx
-        yx, zx = xy * first, xz * first
-        second = one / (yy - yx * xy)
-        below = yz - yx * xz
-        zy = below * second
-        third = one / ((zz - zx * xz) - zy * below)
-        by = gy - yx * gx
-        bz = ((gz - zx * gx) - zy * by) * third
-        by = by * second - zy * bz
-        bx = (gx * first - yx * by) - zx * bz
-        return point[0] - bx, point[1] - by, point[2] - bz
-
-    @compiled
-    def coasted(before, velocity, h):
-        """Position of a vertex without any force."""
-        return before[0] + h * velocity[0], before[1] + h * velocity[1], before[2] + h * velocity[2]
-
-    return SimpleNamespace(added=added, moved=moved, coasted=coasted)
+@formula
+def times(g, x, y, z):
+    """Matrix, by rows, times a vector."""
+    return dot(g[0], g[1], g[2], x, y, z), dot(g[3], g[4], g[5], x, y, z), dot(g[6], g[7], g[8], x, y, z)
 
 
-def make_carried(real, compiled=plain):
-    """Make carried(inertial, now, before): y, one axis, of a vertex that was moved by something other than its body.
+@formula
+def symmetric(t, x, y, z):
+    """Symmetric matrix of six numbers times a vector."""
+    return dot(t[0], t[3], t[4], x, y, z), dot(t[3], t[1], t[5], x, y, z), dot(t[4], t[5], t[2], x, y, z)
 
-    The move is an impulse on the vertex, which later visits must not undo.
+
+@formula
+def turning(f, r, x, y, z, excess):
+    """`excess` times b' dR/dF b = ((b'Gb) G - (Gb)(Gb)') / det G with G = tr S - S, all rotated by R; six
+    numbers."""
+    xx, yy, zz = (
+        dot(f[0], f[1], f[2], r[0], r[1], r[2]), dot(f[3], f[4], f[5], r[3], r[4], r[5]),
+        dot(f[6], f[7], f[8], r[6], r[7], r[8]),
+    )  # fmt: skip
+    xy, xz = -dot(f[0], f[1], f[2], r[3], r[4], r[5]), -dot(f[0], f[1], f[2], r[6], r[7], r[8])
+    yz = -dot(f[3], f[4], f[5], r[6], r[7], r[8])
+    xx, yy, zz = yy + zz, xx + zz, xx + yy
+    bx, by, bz = times(r, x, y, z)
+    gx, gy, gz = symmetric((xx, yy, zz, xy, xz, yz), bx, by, bz)
+    determinant = dot(xx, xy, xz, yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy)
+    scale = 0.0
+    if (excess > 0.0) & (determinant > 0.0):
+        scale = excess / determinant
+    along = scale * dot(bx, by, bz, gx, gy, gz)
+    gx, gy, gz, hx, hy, hz = scale * gx, scale * gy, scale * gz, gx, gy, gz
+    return (
+        along * xx - gx * hx, along * yy - gy * hy, along * zz - gz * hz, along * xy - gx * hy, along * xz - gx * hz,
+        along * yz - gy * hz,
+    )  # fmt: skip
+
+
+@formula
+def added(a, b):
+    """Elementwise sum of nine numbers and nine more."""
+    return (
+        a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3], a[4] + b[4], a[5] + b[5], a[6] + b[6], a[7] + b[7],
+        a[8] + b[8],
+    )  # fmt: skip
+
+
+@formula
+def moved(point, inertial, weight, scale, sums):
+    """Position of the vertex at `point` after its visit.
+
+    `inertial`: y; `weight`: the mean mass over the vertex's; `scale`: h^2 over the mean mass. The block is
+    symmetric and no less than I, so that L D L' needs no pivots.
     """
+    softness = weight * scale
+    gx = (point[0] - inertial[0]) + softness * sums[0]
+    gy = (point[1] - inertial[1]) + softness * sums[1]
+    gz = (point[2] - inertial[2]) + softness * sums[2]
+    xx, yy, zz = 1.0 + softness * sums[3], 1.0 + softness * sums[4], 1.0 + softness * sums[5]
+    xy, xz, yz = softness * sums[6], softness * sums[7], softness * sums[8]
+    first = 1.0 / xx
+    yx, zx = xy * first, xz * first
+    second = 1.0 / (yy - yx * xy)
+    below = yz - yx * xz
+    zy = below * second
+    third = 1.0 / ((zz - zx * xz) - zy * below)
+    by = gy - yx * gx
+    bz = ((gz - zx * gx) - zy * by) * third
+    by = by * second - zy * bz
+    bx = (gx * first - yx * by) - zx * bz
+    return point[0] - bx, point[1] - by, point[2] - bz
 
-    @compiled
-    def carried(inertial, now, before):
-        return inertial + (now - before)
 
-    return SimpleNamespace(carried=carried)
+@formula
+def coasted(before, velocity, h):
+    """Position of a vertex without any force."""
+    return before[0] + h * velocity[0], before[1] + h * velocity[1], before[2] + h * velocity[2]
+
+
+@formula
+def carried(inertial, now, before):
+    return inertial + (now - before)

@@ -15,13 +15,11 @@ stresses.
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
-from softlab.model.formulas import plain
-from softlab.model.formulas.constraints.tetrahedron import COROTATED, FIXED, HOOKEAN
+from softlab.model.base.variant import FEATURE, formula
+from softlab.model.formulas.constraints.tetrahedron import COROTATED, HOOKEAN
 from softlab.model.formulas.elastic import deformation
-from softlab.model.formulas.elastic.deformation import make_gradient, make_rotation
-from softlab.model.formulas.lengths import make as make_lengths
+from softlab.model.formulas.elastic.deformation import cofactor, determinant, rotation
+from softlab.model.formulas.lengths import dot
 
 OPERATIONS_STRESS = 9 + 2 + 27  # F - R, the pressure, the sum of both terms
 
@@ -33,55 +31,47 @@ def operations(material: int, item: int) -> int:
     return OPERATIONS_STRESS + turn + volume
 
 
-def make(real, compiled=plain, material=FIXED):
-    """Make `energy` and `stress` in the arithmetic `real`. `material`: an index into MATERIALS."""
-    dot = make_lengths(real, compiled).dot
-    elastic = make_gradient(real, compiled)
-    cofactor, determinant = elastic.cofactor, elastic.determinant
-    rotation = make_rotation(real, compiled)
-    half, three = real(0.5), real(3)
-    is_hookean, is_corotated = material == HOOKEAN, material == COROTATED
+@formula
+def product(a, b):
+    """tr(A'B)."""
+    return (dot(a[0], a[1], a[2], b[0], b[1], b[2]) + dot(a[3], a[4], a[5], b[3], b[4], b[5])) + dot(
+        a[6], a[7], a[8], b[6], b[7], b[8]
+    )
 
-    @compiled
-    def product(a, b):
-        """tr(A'B)."""
-        return (dot(a[0], a[1], a[2], b[0], b[1], b[2]) + dot(a[3], a[4], a[5], b[3], b[4], b[5])) + dot(
-            a[6], a[7], a[8], b[6], b[7], b[8]
-        )
 
-    @compiled
-    def parts_of(f, rest):
-        """(matrix D whose square is C_D^2, C_H, its derivative G by F, R or, where the material has none, F)."""
-        if is_hookean:
-            g = cofactor(f)
-            return f, determinant(f, g) - rest, g, f
-        r = rotation(f)
-        d = (
-            f[0] - r[0], f[1] - r[1], f[2] - r[2], f[3] - r[3], f[4] - r[4], f[5] - r[5],
-            f[6] - r[6], f[7] - r[7], f[8] - r[8],
-        )  # fmt: skip
-        if is_corotated:
-            return d, product(r, f) - three, r, r
+@formula
+def parts_of(f, rest):
+    """(matrix D whose square is C_D^2, C_H, its derivative G by F, R or, where the material has none, F)."""
+    if FEATURE.material == HOOKEAN:
         g = cofactor(f)
-        return d, determinant(f, g) - rest, g, r
+        return f, determinant(f, g) - rest, g, f
+    r = rotation(f)
+    d = (
+        f[0] - r[0], f[1] - r[1], f[2] - r[2], f[3] - r[3], f[4] - r[4], f[5] - r[5],
+        f[6] - r[6], f[7] - r[7], f[8] - r[8],
+    )  # fmt: skip
+    if FEATURE.material == COROTATED:
+        return d, product(r, f) - 3.0, r, r
+    g = cofactor(f)
+    return d, determinant(f, g) - rest, g, r
 
-    @compiled
-    def energy(f, shape, pressure, rest):
-        """W [Pa]. For the neo-Hookean material it is not 0 at rest."""
-        d, violation, _, _ = parts_of(f, rest)
-        return half * (shape * product(d, d) + pressure * (violation * violation))
 
-    @compiled
-    def stress(f, shape, pressure, rest):
-        """(P, G, R, k_H C_H), matrices as nine numbers by rows. R is F where the material does not use it."""
-        d, violation, g, r = parts_of(f, rest)
-        p = pressure * violation
-        return (
-            (
-                shape * d[0] + p * g[0], shape * d[1] + p * g[1], shape * d[2] + p * g[2],
-                shape * d[3] + p * g[3], shape * d[4] + p * g[4], shape * d[5] + p * g[5],
-                shape * d[6] + p * g[6], shape * d[7] + p * g[7], shape * d[8] + p * g[8],
-            ), g, r, p,
-        )  # fmt: skip
+@formula
+def energy(f, shape, pressure, rest):
+    """W [Pa]. For the neo-Hookean material it is not 0 at rest."""
+    d, violation, _, _ = parts_of(f, rest)
+    return 0.5 * (shape * product(d, d) + pressure * (violation * violation))
 
-    return SimpleNamespace(energy=energy, stress=stress)
+
+@formula
+def stress(f, shape, pressure, rest):
+    """(P, G, R, k_H C_H), matrices as nine numbers by rows. R is F where the material does not use it."""
+    d, violation, g, r = parts_of(f, rest)
+    p = pressure * violation
+    return (
+        (
+            shape * d[0] + p * g[0], shape * d[1] + p * g[1], shape * d[2] + p * g[2],
+            shape * d[3] + p * g[3], shape * d[4] + p * g[4], shape * d[5] + p * g[5],
+            shape * d[6] + p * g[6], shape * d[7] + p * g[7], shape * d[8] + p * g[8],
+        ), g, r, p,
+    )  # fmt: skip

@@ -11,11 +11,10 @@ approach loses mu of that, the dynamic coefficient.
 from __future__ import annotations
 
 from math import sqrt
-from types import SimpleNamespace
 
 import numpy as np
 
-from softlab.model.formulas import plain
+from softlab.model.base.variant import OfPrecision, formula
 
 SLIP = 0.01  # m/s: below it friction is a dashpot; a body that it supports on a slope creeps more slowly than that
 FAST = 1e4  # m/s: trial speed that finds the collider's velocity
@@ -24,64 +23,65 @@ ASIDE = 16.0  # trial sliding speed over approach speed that finds mu: more than
 OPERATIONS = 110  # without those of the colliders
 
 
-def make(real, compiled=plain):
-    """Make the functions of friction. n is the unit vector into the collider."""
-    zero, half, one, fast, aside, slip = real(0), real(0.5), real(1), real(FAST), real(ASIDE), real(SLIP)
-    least = real(SMALLEST * np.sqrt(np.finfo(real).tiny))
+LEAST = OfPrecision(lambda real: SMALLEST * np.sqrt(np.finfo(real).tiny))
 
-    @compiled
-    def unit(x, y, z):
-        """(length, n) of a vector."""
-        length = sqrt((x * x + y * y) + z * z)
-        s = one / length if length > zero else zero
-        return length, s * x, s * y, s * z
 
-    @compiled
-    def straight(n):
-        """Trial velocity along the normal."""
-        return fast * n[1], fast * n[2], fast * n[3]
+@formula
+def unit(x, y, z):
+    """(length, n) of a vector."""
+    length = sqrt((x * x + y * y) + z * z)
+    s = 1.0 / length if length > 0.0 else 0.0
+    return length, s * x, s * y, s * z
 
-    @compiled
-    def slid(p, b, c, h, n):
-        """(length, u) of the displacement from b to p relative to a collider of velocity c, tangential to it."""
-        x, y, z = (p[0] - b[0]) - h * c[0], (p[1] - b[1]) - h * c[1], (p[2] - b[2]) - h * c[2]
+
+@formula
+def straight(n):
+    """Trial velocity along the normal."""
+    return FAST * n[1], FAST * n[2], FAST * n[3]
+
+
+@formula
+def slid(p, b, c, h, n):
+    """(length, u) of the displacement from b to p relative to a collider of velocity c, tangential to it."""
+    x, y, z = (p[0] - b[0]) - h * c[0], (p[1] - b[1]) - h * c[1], (p[2] - b[2]) - h * c[2]
+    along = (x * n[1] + y * n[2]) + z * n[3]
+    x, y, z = x - along * n[1], y - along * n[2], z - along * n[3]
+    return sqrt((x * x + y * y) + z * z), x, y, z
+
+
+@formula
+def heading(n, u):
+    """Unit direction of u. Where u is zero, or only rounding along the normal, any direction tangential to the
+    collider: its friction is isotropic."""
+    if u[0] > LEAST:
+        s = 1.0 / u[0]
+        x, y, z = s * u[1], s * u[2], s * u[3]
         along = (x * n[1] + y * n[2]) + z * n[3]
         x, y, z = x - along * n[1], y - along * n[2], z - along * n[3]
-        return sqrt((x * x + y * y) + z * z), x, y, z
+        squared = (x * x + y * y) + z * z
+        if squared >= 0.5:
+            s = 1.0 / sqrt(squared)
+            return s * x, s * y, s * z
+    if abs(n[1]) <= 0.5:  # perpendicular to n and x, or else to n and y, at least 30 degrees from n
+        s = 1.0 / sqrt(n[2] * n[2] + n[3] * n[3])
+        return 0.0, s * n[3], -(s * n[2])
+    s = 1.0 / sqrt(n[1] * n[1] + n[3] * n[3])
+    return -(s * n[3]), 0.0, s * n[1]
 
-    @compiled
-    def heading(n, u):
-        """Unit direction of u. Where u is zero, or only rounding along the normal, any direction tangential to the
-        collider: its friction is isotropic."""
-        if u[0] > least:
-            s = one / u[0]
-            x, y, z = s * u[1], s * u[2], s * u[3]
-            along = (x * n[1] + y * n[2]) + z * n[3]
-            x, y, z = x - along * n[1], y - along * n[2], z - along * n[3]
-            squared = (x * x + y * y) + z * z
-            if squared >= half:
-                s = one / sqrt(squared)
-                return s * x, s * y, s * z
-        if abs(n[1]) <= half:  # perpendicular to n and x, or else to n and y, at least 30 degrees from n
-            s = one / sqrt(n[2] * n[2] + n[3] * n[3])
-            return zero, s * n[3], -(s * n[2])
-        s = one / sqrt(n[1] * n[1] + n[3] * n[3])
-        return -(s * n[3]), zero, s * n[1]
 
-    @compiled
-    def sliding(c, n, t):
-        """Trial velocity that approaches at 1 m/s and slides much faster, along t."""
-        return c[0] + (n[1] + aside * t[0]), c[1] + (n[2] + aside * t[1]), c[2] + (n[3] + aside * t[2])
+@formula
+def sliding(c, n, t):
+    """Trial velocity that approaches at 1 m/s and slides much faster, along t."""
+    return c[0] + (n[1] + ASIDE * t[0]), c[1] + (n[2] + ASIDE * t[1]), c[2] + (n[3] + ASIDE * t[2])
 
-    @compiled
-    def rubbed(v, w, n, u, t, hard, h):
-        """(derivative, three numbers; block, six) where the trial velocity v became w. Both are continuous where
-        nothing slides: there the derivative is 0, and the block its limit, mu lambda / e (I - nn')."""
-        lost = max(((v[0] - w[0]) * t[0] + (v[1] - w[1]) * t[1]) + (v[2] - w[2]) * t[2], zero)
-        s = (hard * n[0]) * lost / max(u[0], slip * h)
-        return (
-            s * u[1], s * u[2], s * u[3], s * (one - n[1] * n[1]), s * (one - n[2] * n[2]), s * (one - n[3] * n[3]),
-            -(s * (n[1] * n[2])), -(s * (n[1] * n[3])), -(s * (n[2] * n[3])),
-        )  # fmt: skip
 
-    return SimpleNamespace(unit=unit, straight=straight, slid=slid, heading=heading, sliding=sliding, rubbed=rubbed)
+@formula
+def rubbed(v, w, n, u, t, hard, h):
+    """(derivative, three numbers; block, six) where the trial velocity v became w. Both are continuous where
+    nothing slides: there the derivative is 0, and the block its limit, mu lambda / e (I - nn')."""
+    lost = max(((v[0] - w[0]) * t[0] + (v[1] - w[1]) * t[1]) + (v[2] - w[2]) * t[2], 0.0)
+    s = (hard * n[0]) * lost / max(u[0], SLIP * h)
+    return (
+        s * u[1], s * u[2], s * u[3], s * (1.0 - n[1] * n[1]), s * (1.0 - n[2] * n[2]), s * (1.0 - n[3] * n[3]),
+        -(s * (n[1] * n[2])), -(s * (n[1] * n[3])), -(s * (n[2] * n[3])),
+    )  # fmt: skip

@@ -11,12 +11,11 @@ between passes.
 from __future__ import annotations
 
 from math import sqrt
-from types import SimpleNamespace
 from typing import NamedTuple
 
 import numpy as np
 
-from softlab.model.formulas import plain
+from softlab.model.base.variant import OfPrecision, formula
 
 KINDS = (
     "begin", "look", "weigh", "accept", "return", "ahead", "blocks", "rows",
@@ -68,154 +67,141 @@ class Values(NamedTuple):
     unsure: float
 
 
-def make_search(real, compiled=plain):
-    """Make the decisions after `weigh`, and after `accept` or `return`: see make_control."""
-    half, downhill = real(0.5), real(DOWNHILL)
-    converged = real(CONVERGED[np.dtype(real).itemsize])
+SMALLEST_STEP = OfPrecision(lambda real: CONVERGED[np.dtype(real).itemsize])
+NEAR_SQUARE = NEAR**2
+EPS = OfPrecision(lambda real: np.finfo(real).eps)
 
-    @compiled
-    def after_looking(phase, halvings, energy, trial, noise, fraction, slope):
-        """(next pass, energy, fraction, halvings)"""
-        if phase == BEHIND:
+
+@formula
+def after_looking(phase, halvings, energy, trial, noise, fraction, slope):
+    """(next pass, energy, fraction, halvings)"""
+    if phase == BEHIND:
+        return ACCEPT, trial, fraction, halvings
+    if phase == BEFORE:
+        if trial < energy:
             return ACCEPT, trial, fraction, halvings
-        if phase == BEFORE:
-            if trial < energy:
-                return ACCEPT, trial, fraction, halvings
-            return RETURN, energy, fraction, halvings
-        if trial <= (energy + downhill * fraction * slope) + noise:
-            return ACCEPT, trial, fraction, halvings
-        if halvings + 1 < MOST_HALVINGS:
-            return MOVE, energy, half * fraction, halvings + 1
         return RETURN, energy, fraction, halvings
-
-    @compiled
-    def after_moving(kind, phase, safe, steps, energy, slope, iterations):
-        """(next pass, phase, safe, steps) after `accept` or `return`."""
-        if phase == BEHIND:
-            return AHEAD, BEFORE, safe, steps
-        if phase == BEFORE:
-            return BLOCKS, SEARCH, 0, steps
-        if kind == RETURN:
-            if safe == 0:
-                return BLOCKS, phase, 1, steps
-            return FINISH, phase, safe, steps
-        if steps + 1 < iterations and -slope > converged * energy:
-            return BLOCKS, phase, 0, steps + 1
-        return FINISH, phase, safe, steps + 1
-
-    return SimpleNamespace(after_looking=after_looking, after_moving=after_moving)
+    if trial <= (energy + DOWNHILL * fraction * slope) + noise:
+        return ACCEPT, trial, fraction, halvings
+    if halvings + 1 < MOST_HALVINGS:
+        return MOVE, energy, 0.5 * fraction, halvings + 1
+    return RETURN, energy, fraction, halvings
 
 
-def make_control(real, compiled=plain):
-    """Make `after(kind, counts, values, first, second, iterations, floor)`: (next pass, Counts, Values) after the pass
-    `kind`, whose sums are `first` and `second`."""
-    zero, one, near = real(0), real(1), real(NEAR**2)
-    search = make_search(real, compiled)
-    after_looking, after_moving = search.after_looking, search.after_moving
-
-    @compiled
-    def after_solving(kind, safe, products, squared, enough, value, floor):
-        """(next pass, safe, products, squared, enough, alpha, beta) within conjugate gradients."""
-        if kind == PRODUCT:
-            if value > zero:
-                return UPDATE, safe, products, squared, enough, squared / value, zero
-            if safe == 0:
-                return BLOCKS, 1, products, squared, enough, zero, zero
-            return MOVE if products > 0 else FINISH, safe, products, squared, enough, zero, zero
-        if kind == UPDATE:
-            return RESTRICT, safe, products + 1, squared, enough, zero, zero
-        if products == 0:
-            enough = max(near * value, floor)
-            return DIRECTION if value > floor else FINISH, safe, 0, value, enough, zero, zero
-        if value > enough and products < MOST_PRODUCTS:
-            return DIRECTION, safe, products, value, enough, zero, value / squared
-        return MOVE, safe, products, value, enough, zero, zero
-
-    @compiled
-    def after(kind, counts, values, first, second, iterations, floor):
-        phase, safe, products, steps, halvings = counts
-        energy, trial, noise, squared, enough, alpha, beta, fraction, slope, unsure = values
-        later = kind + 1
-        if kind == BEGIN:
-            phase, safe, steps = BEHIND, 0, 0
-        elif kind == ENERGIES:
-            trial, noise = first, second
-        elif kind == WEIGH:
-            trial, noise = trial + first, noise + second
-            later, energy, fraction, halvings = after_looking(phase, halvings, energy, trial, unsure, fraction, slope)
-            if later == ACCEPT:  # of the accepted state: the noise of a trial may be infinite
-                unsure = noise
-        elif kind in (ACCEPT, RETURN):
-            later, phase, safe, steps = after_moving(kind, phase, safe, steps, energy, slope, iterations)
-        elif kind in (ROWS, COARSE) and first > zero and safe == 0:
-            later, safe = BLOCKS, 1
-        elif kind == SOLVE:
-            later, products = RESTRICT, 0
-        elif kind in (PRODUCT, UPDATE, CORRECT):
-            later, safe, products, squared, enough, alpha, beta = after_solving(
-                kind, safe, products, squared, enough, first, floor
-            )  # fmt: skip
-            fraction, halvings = one, 0
-        elif kind == DIRECTION:
-            later = PRODUCT
-        elif kind == MOVE:
-            later, slope = ENERGIES, first
-        elif kind == AHEAD:
-            later = ENERGIES
-        elif kind == FINISH:
-            later = BEGIN
-        counts = Counts(phase, safe, products, steps, halvings)
-        return later, counts, Values(energy, trial, noise, squared, enough, alpha, beta, fraction, slope, unsure)
-
-    return SimpleNamespace(after=after)
+@formula
+def after_moving(kind, phase, safe, steps, energy, slope, iterations):
+    """(next pass, phase, safe, steps) after `accept` or `return`."""
+    if phase == BEHIND:
+        return AHEAD, BEFORE, safe, steps
+    if phase == BEFORE:
+        return BLOCKS, SEARCH, 0, steps
+    if kind == RETURN:
+        if safe == 0:
+            return BLOCKS, phase, 1, steps
+        return FINISH, phase, safe, steps
+    if steps + 1 < iterations and -slope > SMALLEST_STEP * energy:
+        return BLOCKS, phase, 0, steps + 1
+    return FINISH, phase, safe, steps + 1
 
 
-def make(real, compiled=plain):
-    """Make the functions that passes apply to one particle or tetrahedron, in the arithmetic `real`."""
-    zero, half, one, four = real(0), real(0.5), real(1), real(4)
-    eps = real(np.finfo(real).eps)
+@formula
+def after_solving(kind, safe, products, squared, enough, value, floor):
+    """(next pass, safe, products, squared, enough, alpha, beta) within conjugate gradients."""
+    if kind == PRODUCT:
+        if value > 0.0:
+            return UPDATE, safe, products, squared, enough, squared / value, 0.0
+        if safe == 0:
+            return BLOCKS, 1, products, squared, enough, 0.0, 0.0
+        return MOVE if products > 0 else FINISH, safe, products, squared, enough, 0.0, 0.0
+    if kind == UPDATE:
+        return RESTRICT, safe, products + 1, squared, enough, 0.0, 0.0
+    if products == 0:
+        enough = max(NEAR_SQUARE * value, floor)
+        return DIRECTION if value > floor else FINISH, safe, 0, value, enough, 0.0, 0.0
+    if value > enough and products < MOST_PRODUCTS:
+        return DIRECTION, safe, products, value, enough, 0.0, value / squared
+    return MOVE, safe, products, value, enough, 0.0, 0.0
 
-    @compiled
-    def doubt(energy, volume, mu, lame, hookean):
-        """Rounding error [J] of the energy of a tetrahedron, W = `energy`, by rounding of F's entries."""
-        stiff = (mu + mu) + lame
-        strain = four * sqrt(stiff * abs(energy)) + eps * stiff
-        if hookean:
-            strain = strain + mu
-        return eps * (volume * strain)
 
-    @compiled
-    def inertia_of(mean, weight):
-        """m / h^2 of a particle, from the mean mass over h^2."""
-        return mean / weight
+@formula
+def after(kind, counts, values, first, second, iterations, floor):
+    phase, safe, products, steps, halvings = counts
+    energy, trial, noise, squared, enough, alpha, beta, fraction, slope, unsure = values
+    later = kind + 1
+    if kind == BEGIN:
+        phase, safe, steps = BEHIND, 0, 0
+    elif kind == ENERGIES:
+        trial, noise = first, second
+    elif kind == WEIGH:
+        trial, noise = trial + first, noise + second
+        later, energy, fraction, halvings = after_looking(phase, halvings, energy, trial, unsure, fraction, slope)
+        if later == ACCEPT:  # of the accepted state: the noise of a trial may be infinite
+            unsure = noise
+    elif kind in (ACCEPT, RETURN):
+        later, phase, safe, steps = after_moving(kind, phase, safe, steps, energy, slope, iterations)
+    elif kind in (ROWS, COARSE) and first > 0.0 and safe == 0:
+        later, safe = BLOCKS, 1
+    elif kind == SOLVE:
+        later, products = RESTRICT, 0
+    elif kind in (PRODUCT, UPDATE, CORRECT):
+        later, safe, products, squared, enough, alpha, beta = after_solving(
+            kind, safe, products, squared, enough, first, floor
+        )  # fmt: skip
+        fraction, halvings = 1.0, 0
+    elif kind == DIRECTION:
+        later = PRODUCT
+    elif kind == MOVE:
+        later, slope = ENERGIES, first
+    elif kind == AHEAD:
+        later = ENERGIES
+    elif kind == FINISH:
+        later = BEGIN
+    counts = Counts(phase, safe, products, steps, halvings)
+    return later, counts, Values(energy, trial, noise, squared, enough, alpha, beta, fraction, slope, unsure)
 
-    @compiled
-    def inertial_energy(inertia, x, y, z):
-        """Energy [J] of a displacement from the inertial position."""
-        return half * inertia * ((x * x + y * y) + z * z)
 
-    @compiled
-    def moved(x, fraction, d):
-        return x + fraction * d
+@formula
+def doubt(energy, volume, mu, lame, hookean):
+    """Rounding error [J] of the energy of a tetrahedron, W = `energy`, by rounding of F's entries."""
+    stiff = (mu + mu) + lame
+    strain = 4.0 * sqrt(stiff * abs(energy)) + EPS * stiff
+    if hookean:
+        strain = strain + mu
+    return EPS * (volume * strain)
 
-    @compiled
-    def outer(x, y, z, hard):
-        """`hard` times n n', (xx, xy, xz, yy, yz, zz), with n along (x, y, z); 0 where (x, y, z) is 0."""
-        squared = (x * x + y * y) + z * z
-        s = hard / squared if squared > zero else zero
-        return s * (x * x), s * (x * y), s * (x * z), s * (y * y), s * (y * z), s * (z * z)
 
-    @compiled
-    def inverse(a, b, c, d, e, f):
-        """(the inverse's xx, xy, xz, yy, yz, zz, True if it is positive) of the symmetric matrix (xx, xy, xz, yy, yz,
-        zz)."""
-        p, q, r = d * f - e * e, e * c - b * f, b * e - d * c
-        whole = (a * p + b * q) + c * r
-        minor = a * d - b * b
-        good = (a > zero) & (minor > zero) & (whole > zero)
-        s = one / whole if good else zero
-        return s * p, s * q, s * r, s * (a * f - c * c), s * (b * c - a * e), s * minor, good
+@formula
+def inertia_of(mean, weight):
+    """m / h^2 of a particle, from the mean mass over h^2."""
+    return mean / weight
 
-    return SimpleNamespace(
-        doubt=doubt, inertia_of=inertia_of, inertial_energy=inertial_energy, moved=moved, outer=outer, inverse=inverse
-    )
+
+@formula
+def inertial_energy(inertia, x, y, z):
+    """Energy [J] of a displacement from the inertial position."""
+    return 0.5 * inertia * ((x * x + y * y) + z * z)
+
+
+@formula
+def moved(x, fraction, d):
+    return x + fraction * d
+
+
+@formula
+def outer(x, y, z, hard):
+    """`hard` times n n', (xx, xy, xz, yy, yz, zz), with n along (x, y, z); 0 where (x, y, z) is 0."""
+    squared = (x * x + y * y) + z * z
+    s = hard / squared if squared > 0.0 else 0.0
+    return s * (x * x), s * (x * y), s * (x * z), s * (y * y), s * (y * z), s * (z * z)
+
+
+@formula
+def inverse(a, b, c, d, e, f):
+    """(the inverse's xx, xy, xz, yy, yz, zz, True if it is positive) of the symmetric matrix (xx, xy, xz, yy, yz,
+    zz)."""
+    p, q, r = d * f - e * e, e * c - b * f, b * e - d * c
+    whole = (a * p + b * q) + c * r
+    minor = a * d - b * b
+    good = (a > 0.0) & (minor > 0.0) & (whole > 0.0)
+    s = 1.0 / whole if good else 0.0
+    return s * p, s * q, s * r, s * (a * f - c * c), s * (b * c - a * e), s * minor, good

@@ -7,23 +7,15 @@ wakes when its support is gone. The net force on a sleeping vertex is within SHA
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
-from softlab.model.formulas import plain
+from softlab.model.base.variant import formula
 
 GRAVITY_FRACTION = 0.05  # of the velocity that gravity adds in a substep
 OPERATIONS = 20
 
 
-def make(real, compiled=plain):
-    """Make `is_slow` in the arithmetic `real`."""
-    fraction = real(GRAVITY_FRACTION)
-
-    @compiled
-    def is_slow(v, w, speed, gravity, h):
-        """True if a vertex of velocity v, which was w a substep of h [s] ago, may sleep."""
-        x, y, z, most = v[0] - w[0], v[1] - w[1], v[2] - w[2], fraction * (gravity * h)
-        squared = (v[0] * v[0] + v[1] * v[1]) + v[2] * v[2]
-        return (squared < speed * speed) & ((x * x + y * y) + z * z < most * most)
-
-    return SimpleNamespace(is_slow=is_slow)
+@formula
+def is_slow(v, w, speed, gravity, h):
+    """True if a vertex of velocity v, which was w a substep of h [s] ago, may sleep."""
+    x, y, z, most = v[0] - w[0], v[1] - w[1], v[2] - w[2], GRAVITY_FRACTION * (gravity * h)
+    squared = (v[0] * v[0] + v[1] * v[1]) + v[2] * v[2]
+    return (squared < speed * speed) & ((x * x + y * y) + z * z < most * most)

@@ -15,22 +15,15 @@ from __future__ import annotations
 
 from math import sqrt
 
-from softlab.model.formulas import plain
+from softlab.model.base.variant import formula
 
 STAGE = 1 - 1 / sqrt(2)  # of the substep, which each of two stages takes
 OPERATIONS_AHEAD = 3 * (3 + 3)
 
 
-def make(real, compiled=plain):
-    """Make `ahead(x, v, start, h)`: (position, velocity) at which the second stage begins, one axis.
+SCALE = sqrt(2)
 
-    `x`, `v`: at the first stage's end; `start`: velocity at its start; `h`: its length [s], a fraction STAGE of the
-    substep.
-    """
-    scale = real(sqrt(2))
 
-    @compiled
-    def ahead(x, v, start, h):
-        return x + (scale * h) * v, v + scale * (v - start)
-
-    return ahead
+@formula
+def ahead(x, v, start, h):
+    return x + (SCALE * h) * v, v + SCALE * (v - start)

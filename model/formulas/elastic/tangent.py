@@ -19,15 +19,14 @@ each pair (i, j), k the third, the symmetric part has the flip m - b s_k and the
 from __future__ import annotations
 
 from math import sqrt
-from types import SimpleNamespace
 
 import numpy as np
 
-from softlab.model.formulas import joined, plain
+from softlab.model.base.variant import FEATURE, OfPrecision, formula
 from softlab.model.formulas.constraints.tetrahedron import COROTATED, FIXED, HOOKEAN
 from softlab.model.formulas.elastic import deformation
-from softlab.model.formulas.elastic.deformation import make_gradient
-from softlab.model.formulas.lengths import make as make_lengths
+from softlab.model.formulas.elastic.deformation import cofactor, determinant
+from softlab.model.formulas.lengths import dot
 
 SWEEPS = {4: 4, 8: 6}  # of Jacobi's method over a 3 x 3 matrix, by the bytes of a number: it converges quadratically
 FLATTEST = 0.05  # smallest s_i + s_j of a twist: below it the corner is inverted, where R jumps
@@ -38,240 +37,215 @@ OPERATIONS_BLOCK = 24 + 2 * 45
 OPERATIONS_MODULI = 90
 
 
+LARGEST = OfPrecision(lambda real: float(np.finfo(real).eps) ** (-2))
+
+
 def operations_axes(item: int) -> int:
     """Count the operations of the eigenvectors of a symmetric matrix, on numbers of `item` bytes."""
     return SWEEPS[item] * 3 * 40
 
 
-def make(real, compiled=plain):
-    """Make `stress`, `frame`, `moduli`, `block`, `differential`, `seen_in` in the arithmetic `real`; matrices are nine
-    numbers by rows."""
-    return joined(
-        make_stress(real, compiled), make_moduli(real, compiled), make_blocks(real, compiled, make_axes(real, compiled))
+@formula
+def squared(a):
+    return (dot(a[0], a[1], a[2], a[0], a[1], a[2]) + dot(a[3], a[4], a[5], a[3], a[4], a[5])) + dot(
+        a[6], a[7], a[8], a[6], a[7], a[8]
+    )
+
+
+@formula
+def mixed(m, a, n, b):
+    """m a + n b of two matrices."""
+    return (
+        m * a[0] + n * b[0], m * a[1] + n * b[1], m * a[2] + n * b[2], m * a[3] + n * b[3], m * a[4] + n * b[4],
+        m * a[5] + n * b[5], m * a[6] + n * b[6], m * a[7] + n * b[7], m * a[8] + n * b[8],
     )  # fmt: skip
 
 
-def make_stress(real, compiled=plain):
-    """Make `stress` in the arithmetic `real`."""
-    elastic, dot = make_gradient(real, compiled), make_lengths(real, compiled).dot
-    cofactor, determinant = elastic.cofactor, elastic.determinant
-    half, one, two, three = real(0.5), real(1), real(2), real(3)
-
-    @compiled
-    def squared(a):
-        return (dot(a[0], a[1], a[2], a[0], a[1], a[2]) + dot(a[3], a[4], a[5], a[3], a[4], a[5])) + dot(
-            a[6], a[7], a[8], a[6], a[7], a[8]
-        )
-
-    @compiled
-    def mixed(m, a, n, b):
-        """m a + n b of two matrices."""
-        return (
-            m * a[0] + n * b[0], m * a[1] + n * b[1], m * a[2] + n * b[2], m * a[3] + n * b[3], m * a[4] + n * b[4],
-            m * a[5] + n * b[5], m * a[6] + n * b[6], m * a[7] + n * b[7], m * a[8] + n * b[8],
-        )  # fmt: skip
-
-    @compiled
-    def stress(material, f, r, mu, lame, alpha):
-        """(W [Pa], P). `r`: the rotation nearest to F; not used by the neo-Hookean material."""
-        cofactors = cofactor(f)
-        ratio = determinant(f, cofactors)
-        if material == HOOKEAN:
-            off, rest, pressure = ratio - alpha, one - alpha, lame + mu
-            energy = half * mu * (squared(f) - three) + half * pressure * ((off - rest) * (off + rest))
-            return energy, mixed(mu, f, pressure * off, cofactors)
-        d = mixed(one, f, -one, r)
-        if material == FIXED:
-            off = ratio - one
-            return mu * squared(d) + half * lame * (off * off), mixed(two * mu, d, lame * off, cofactors)
-        along = (dot(r[0], r[1], r[2], d[0], d[1], d[2]) + dot(r[3], r[4], r[5], d[3], d[4], d[5])) + dot(
-            r[6], r[7], r[8], d[6], d[7], d[8]
-        )
-        return mu * squared(d) + half * lame * (along * along), mixed(two * mu, d, lame * along, r)
-
-    return SimpleNamespace(stress=stress)
+@formula
+def stress(material, f, r, mu, lame, alpha):
+    """(W [Pa], P). `r`: the rotation nearest to F; not used by the neo-Hookean material."""
+    cofactors = cofactor(f)
+    ratio = determinant(f, cofactors)
+    if material == HOOKEAN:
+        off, rest, pressure = ratio - alpha, 1.0 - alpha, lame + mu
+        energy = 0.5 * mu * (squared(f) - 3.0) + 0.5 * pressure * ((off - rest) * (off + rest))
+        return energy, mixed(mu, f, pressure * off, cofactors)
+    d = mixed(1.0, f, -1.0, r)
+    if material == FIXED:
+        off = ratio - 1.0
+        return mu * squared(d) + 0.5 * lame * (off * off), mixed(2.0 * mu, d, lame * off, cofactors)
+    along = (dot(r[0], r[1], r[2], d[0], d[1], d[2]) + dot(r[3], r[4], r[5], d[3], d[4], d[5])) + dot(
+        r[6], r[7], r[8], d[6], d[7], d[8]
+    )
+    return mu * squared(d) + 0.5 * lame * (along * along), mixed(2.0 * mu, d, lame * along, r)
 
 
-def make_moduli(real, compiled=plain):
-    """Make `moduli` and `raised` in the arithmetic `real`."""
-    axes, dot = make_axes(real, compiled).axes, make_lengths(real, compiled).dot
-    zero, half, one, two = real(0), real(0.5), real(1), real(2)
-    flattest = real(FLATTEST)
-
-    @compiled
-    def raised(a):
-        """Symmetric matrix (xx, xy, xz, yy, yz, zz) without its negative eigenvalues."""
-        e, v = axes(a[0], a[1], a[2], a[3], a[4], a[5])
-        x, y, z = max(e[0], zero), max(e[1], zero), max(e[2], zero)
-        return (
-            dot(x * v[0], y * v[1], z * v[2], v[0], v[1], v[2]), dot(x * v[0], y * v[1], z * v[2], v[3], v[4], v[5]),
-            dot(x * v[0], y * v[1], z * v[2], v[6], v[7], v[8]), dot(x * v[3], y * v[4], z * v[5], v[3], v[4], v[5]),
-            dot(x * v[3], y * v[4], z * v[5], v[6], v[7], v[8]), dot(x * v[6], y * v[7], z * v[8], v[6], v[7], v[8]),
-        )  # fmt: skip
-
-    @compiled
-    def pair(m, b, c, third, both, safe):
-        """((flip + twist) / 2, (flip - twist) / 2) of a pair with s_i + s_j = `both`."""
-        flip = m - b * third
-        twist = (m + b * third) - two * c / max(both, flattest)
-        if safe:
-            flip, twist = max(flip, zero), max(twist, zero)
-        return half * (flip + twist), half * (flip - twist)
-
-    @compiled
-    def moduli(material, s, mu, lame, alpha, safe):
-        """(A (xx, xy, xz, yy, yz, zz), half sums and half differences of flips and twists of (y, z), (z, x), (x, y))
-        [Pa]."""
-        x, y, z = s
-        gx, gy, gz = y * z, z * x, x * y
-        m, q, b, c = two * mu, lame, zero, two * mu
-        if material == FIXED:
-            b = lame * (x * gx - one)
-        elif material == COROTATED:
-            c = two * mu - lame * ((x - one) + (y - one) + (z - one))
-            gx, gy, gz = one, one, one
-        else:
-            m, q, c = mu, lame + mu, zero
-            b = q * (x * gx - alpha)
-        a = (
-            m + q * gx * gx, q * gx * gy + b * z, q * gx * gz + b * y, m + q * gy * gy, q * gy * gz + b * x,
-            m + q * gz * gz,
-        )  # fmt: skip
-        if safe:
-            a = raised(a)
-        sum_x, off_x = pair(m, b, c, x, y + z, safe)
-        sum_y, off_y = pair(m, b, c, y, z + x, safe)
-        sum_z, off_z = pair(m, b, c, z, x + y, safe)
-        return a, (sum_x, sum_y, sum_z), (off_x, off_y, off_z)
-
-    return SimpleNamespace(moduli=moduli, raised=raised)
+@formula
+def raised(a):
+    """Symmetric matrix (xx, xy, xz, yy, yz, zz) without its negative eigenvalues."""
+    e, v = axes(a[0], a[1], a[2], a[3], a[4], a[5])
+    x, y, z = max(e[0], 0.0), max(e[1], 0.0), max(e[2], 0.0)
+    return (
+        dot(x * v[0], y * v[1], z * v[2], v[0], v[1], v[2]), dot(x * v[0], y * v[1], z * v[2], v[3], v[4], v[5]),
+        dot(x * v[0], y * v[1], z * v[2], v[6], v[7], v[8]), dot(x * v[3], y * v[4], z * v[5], v[3], v[4], v[5]),
+        dot(x * v[3], y * v[4], z * v[5], v[6], v[7], v[8]), dot(x * v[6], y * v[7], z * v[8], v[6], v[7], v[8]),
+    )  # fmt: skip
 
 
-def make_blocks(real, compiled, axes_functions):
-    """Make `frame`, `block`, `differential` and `seen_in`; `axes_functions`: the functions of `make_axes`."""
-    axes, product, transposed_product = axes_functions.axes, axes_functions.product, axes_functions.transposed_product
-    dot, half = make_lengths(real, compiled).dot, real(0.5)
-
-    @compiled
-    def frame(f, r):
-        """(s, U, V) of F and the rotation nearest to it."""
-        a = transposed_product(r, f)
-        s, v = axes(a[0], half * (a[1] + a[3]), half * (a[2] + a[6]), a[4], half * (a[5] + a[7]), a[8])
-        return s, product(r, v), v
-
-    @compiled
-    def block(u, a, sums, offs, p, o):
-        """3 x 3 block of the tangent from corner q to corner p, over the volume: U H U' with H of dF^ = e_m o'.
-
-        `p`, `o`: rows of B of p and q, in the frame V.
-        """
-        xx, yy, zz = p[0] * o[0], p[1] * o[1], p[2] * o[2]
-        h = (
-            a[0] * xx + (sums[2] * yy + sums[1] * zz), a[1] * (p[0] * o[1]) + offs[2] * (p[1] * o[0]),
-            a[2] * (p[0] * o[2]) + offs[1] * (p[2] * o[0]),
-            a[1] * (p[1] * o[0]) + offs[2] * (p[0] * o[1]), a[3] * yy + (sums[2] * xx + sums[0] * zz),
-            a[4] * (p[1] * o[2]) + offs[0] * (p[2] * o[1]),
-            a[2] * (p[2] * o[0]) + offs[1] * (p[0] * o[2]), a[4] * (p[2] * o[1]) + offs[0] * (p[1] * o[2]),
-            a[5] * zz + (sums[1] * xx + sums[0] * yy),
-        )  # fmt: skip
-        w = product(u, h)
-        return (
-            dot(w[0], w[1], w[2], u[0], u[1], u[2]), dot(w[0], w[1], w[2], u[3], u[4], u[5]),
-            dot(w[0], w[1], w[2], u[6], u[7], u[8]), dot(w[3], w[4], w[5], u[0], u[1], u[2]),
-            dot(w[3], w[4], w[5], u[3], u[4], u[5]), dot(w[3], w[4], w[5], u[6], u[7], u[8]),
-            dot(w[6], w[7], w[8], u[0], u[1], u[2]), dot(w[6], w[7], w[8], u[3], u[4], u[5]),
-            dot(w[6], w[7], w[8], u[6], u[7], u[8]),
-        )  # fmt: skip
-
-    @compiled
-    def differential(u, v, a, sums, offs, df):
-        """dP of dF, for matrix-free products."""
-        d = product(transposed_product(u, df), v)
-        h = (
-            dot(a[0], a[1], a[2], d[0], d[4], d[8]), sums[2] * d[1] + offs[2] * d[3], sums[1] * d[2] + offs[1] * d[6],
-            sums[2] * d[3] + offs[2] * d[1], dot(a[1], a[3], a[4], d[0], d[4], d[8]), sums[0] * d[5] + offs[0] * d[7],
-            sums[1] * d[6] + offs[1] * d[2], sums[0] * d[7] + offs[0] * d[5], dot(a[2], a[4], a[5], d[0], d[4], d[8]),
-        )  # fmt: skip
-        w = product(u, h)
-        return (
-            dot(w[0], w[1], w[2], v[0], v[1], v[2]), dot(w[0], w[1], w[2], v[3], v[4], v[5]),
-            dot(w[0], w[1], w[2], v[6], v[7], v[8]), dot(w[3], w[4], w[5], v[0], v[1], v[2]),
-            dot(w[3], w[4], w[5], v[3], v[4], v[5]), dot(w[3], w[4], w[5], v[6], v[7], v[8]),
-            dot(w[6], w[7], w[8], v[0], v[1], v[2]), dot(w[6], w[7], w[8], v[3], v[4], v[5]),
-            dot(w[6], w[7], w[8], v[6], v[7], v[8]),
-        )  # fmt: skip
-
-    @compiled
-    def seen_in(v, x, y, z):
-        """V' times a row of B."""
-        return dot(v[0], v[3], v[6], x, y, z), dot(v[1], v[4], v[7], x, y, z), dot(v[2], v[5], v[8], x, y, z)
-
-    return SimpleNamespace(frame=frame, block=block, differential=differential, seen_in=seen_in)
+@formula
+def pair(m, b, c, third, both, safe):
+    """((flip + twist) / 2, (flip - twist) / 2) of a pair with s_i + s_j = `both`."""
+    flip = m - b * third
+    twist = (m + b * third) - 2.0 * c / max(both, FLATTEST)
+    if safe:
+        flip, twist = max(flip, 0.0), max(twist, 0.0)
+    return 0.5 * (flip + twist), 0.5 * (flip - twist)
 
 
-def make_axes(real, compiled=plain):
-    """Make `axes` (eigenvalues and eigenvectors of a symmetric matrix), `product` A B and `transposed_product` A'B."""
-    dot = make_lengths(real, compiled).dot
-    zero, half, one = real(0), real(0.5), real(1)
-    sweeps, largest = SWEEPS[np.dtype(real).itemsize], real(float(np.finfo(real).eps) ** -2)
+@formula
+def moduli(material, s, mu, lame, alpha, safe):
+    """(A (xx, xy, xz, yy, yz, zz), half sums and half differences of flips and twists of (y, z), (z, x), (x, y))
+    [Pa]."""
+    x, y, z = s
+    gx, gy, gz = y * z, z * x, x * y
+    m, q, b, c = 2.0 * mu, lame, 0.0, 2.0 * mu
+    if material == FIXED:
+        b = lame * (x * gx - 1.0)
+    elif material == COROTATED:
+        c = 2.0 * mu - lame * ((x - 1.0) + (y - 1.0) + (z - 1.0))
+        gx, gy, gz = 1.0, 1.0, 1.0
+    else:
+        m, q, c = mu, lame + mu, 0.0
+        b = q * (x * gx - alpha)
+    a = (
+        m + q * gx * gx, q * gx * gy + b * z, q * gx * gz + b * y, m + q * gy * gy, q * gy * gz + b * x,
+        m + q * gz * gz,
+    )  # fmt: skip
+    if safe:
+        a = raised(a)
+    sum_x, off_x = pair(m, b, c, x, y + z, safe)
+    sum_y, off_y = pair(m, b, c, y, z + x, safe)
+    sum_z, off_z = pair(m, b, c, z, x + y, safe)
+    return a, (sum_x, sum_y, sum_z), (off_x, off_y, off_z)
 
-    @compiled
-    def product(a, b):
-        return (
-            dot(a[0], a[1], a[2], b[0], b[3], b[6]), dot(a[0], a[1], a[2], b[1], b[4], b[7]),
-            dot(a[0], a[1], a[2], b[2], b[5], b[8]), dot(a[3], a[4], a[5], b[0], b[3], b[6]),
-            dot(a[3], a[4], a[5], b[1], b[4], b[7]), dot(a[3], a[4], a[5], b[2], b[5], b[8]),
-            dot(a[6], a[7], a[8], b[0], b[3], b[6]), dot(a[6], a[7], a[8], b[1], b[4], b[7]),
-            dot(a[6], a[7], a[8], b[2], b[5], b[8]),
-        )  # fmt: skip
 
-    @compiled
-    def transposed_product(a, b):
-        return product((a[0], a[3], a[6], a[1], a[4], a[7], a[2], a[5], a[8]), b)
+@formula
+def frame(f, r):
+    """(s, U, V) of F and the rotation nearest to it."""
+    a = transposed_product(r, f)
+    s, v = axes(a[0], 0.5 * (a[1] + a[3]), 0.5 * (a[2] + a[6]), a[4], 0.5 * (a[5] + a[7]), a[8])
+    return s, product(r, v), v
 
-    @compiled
-    def turn(pp, pq, qq):
-        """(cosine, sine, decrease of pp and increase of qq) of the rotation that makes pq 0: G. Golub, C. Van Loan,
-        "Matrix Computations", 8.5.2."""
-        if pq == zero:
-            return one, zero, zero
-        theta = half * (qq - pp) / pq
-        if abs(theta) > largest:  # the tangent is below half of eps^2, for which `fast` math on CUDA may return NaN
-            return one, zero, zero
-        t = one / (abs(theta) + sqrt(theta * theta + one))
-        t = t if theta >= zero else -t
-        c = one / sqrt(t * t + one)
-        return c, t * c, t * pq
 
-    @compiled
-    def rotated(c, s, p, q):
-        return c * p - s * q, s * p + c * q
+@formula
+def block(u, a, sums, offs, p, o):
+    """3 x 3 block of the tangent from corner q to corner p, over the volume: U H U' with H of dF^ = e_m o'.
 
-    @compiled
-    def axes(xx, xy, xz, yy, yz, zz):
-        """(eigenvalues in no order, V by rows: its columns are the eigenvectors), by Jacobi's method."""
-        a, b, c, d, e, f, g, h, i = one, zero, zero, zero, one, zero, zero, zero, one
-        for _ in range(sweeps):
-            if (xy == zero) & (xz == zero) & (yz == zero):
-                break
-            k, s, t = turn(xx, xy, yy)
-            xx, yy, xy = xx - t, yy + t, zero
-            xz, yz = rotated(k, s, xz, yz)
-            a, b = rotated(k, s, a, b)
-            d, e = rotated(k, s, d, e)
-            g, h = rotated(k, s, g, h)
-            k, s, t = turn(xx, xz, zz)
-            xx, zz, xz = xx - t, zz + t, zero
-            xy, yz = rotated(k, s, xy, yz)
-            a, c = rotated(k, s, a, c)
-            d, f = rotated(k, s, d, f)
-            g, i = rotated(k, s, g, i)
-            k, s, t = turn(yy, yz, zz)
-            yy, zz, yz = yy - t, zz + t, zero
-            xy, xz = rotated(k, s, xy, xz)
-            b, c = rotated(k, s, b, c)
-            e, f = rotated(k, s, e, f)
-            h, i = rotated(k, s, h, i)
-        return (xx, yy, zz), (a, b, c, d, e, f, g, h, i)
+    `p`, `o`: rows of B of p and q, in the frame V.
+    """
+    xx, yy, zz = p[0] * o[0], p[1] * o[1], p[2] * o[2]
+    h = (
+        a[0] * xx + (sums[2] * yy + sums[1] * zz), a[1] * (p[0] * o[1]) + offs[2] * (p[1] * o[0]),
+        a[2] * (p[0] * o[2]) + offs[1] * (p[2] * o[0]),
+        a[1] * (p[1] * o[0]) + offs[2] * (p[0] * o[1]), a[3] * yy + (sums[2] * xx + sums[0] * zz),
+        a[4] * (p[1] * o[2]) + offs[0] * (p[2] * o[1]),
+        a[2] * (p[2] * o[0]) + offs[1] * (p[0] * o[2]), a[4] * (p[2] * o[1]) + offs[0] * (p[1] * o[2]),
+        a[5] * zz + (sums[1] * xx + sums[0] * yy),
+    )  # fmt: skip
+    w = product(u, h)
+    return (
+        dot(w[0], w[1], w[2], u[0], u[1], u[2]), dot(w[0], w[1], w[2], u[3], u[4], u[5]),
+        dot(w[0], w[1], w[2], u[6], u[7], u[8]), dot(w[3], w[4], w[5], u[0], u[1], u[2]),
+        dot(w[3], w[4], w[5], u[3], u[4], u[5]), dot(w[3], w[4], w[5], u[6], u[7], u[8]),
+        dot(w[6], w[7], w[8], u[0], u[1], u[2]), dot(w[6], w[7], w[8], u[3], u[4], u[5]),
+        dot(w[6], w[7], w[8], u[6], u[7], u[8]),
+    )  # fmt: skip
 
-    return SimpleNamespace(axes=axes, product=product, transposed_product=transposed_product)
+
+@formula
+def differential(u, v, a, sums, offs, df):
+    """dP of dF, for matrix-free products."""
+    d = product(transposed_product(u, df), v)
+    h = (
+        dot(a[0], a[1], a[2], d[0], d[4], d[8]), sums[2] * d[1] + offs[2] * d[3], sums[1] * d[2] + offs[1] * d[6],
+        sums[2] * d[3] + offs[2] * d[1], dot(a[1], a[3], a[4], d[0], d[4], d[8]), sums[0] * d[5] + offs[0] * d[7],
+        sums[1] * d[6] + offs[1] * d[2], sums[0] * d[7] + offs[0] * d[5], dot(a[2], a[4], a[5], d[0], d[4], d[8]),
+    )  # fmt: skip
+    w = product(u, h)
+    return (
+        dot(w[0], w[1], w[2], v[0], v[1], v[2]), dot(w[0], w[1], w[2], v[3], v[4], v[5]),
+        dot(w[0], w[1], w[2], v[6], v[7], v[8]), dot(w[3], w[4], w[5], v[0], v[1], v[2]),
+        dot(w[3], w[4], w[5], v[3], v[4], v[5]), dot(w[3], w[4], w[5], v[6], v[7], v[8]),
+        dot(w[6], w[7], w[8], v[0], v[1], v[2]), dot(w[6], w[7], w[8], v[3], v[4], v[5]),
+        dot(w[6], w[7], w[8], v[6], v[7], v[8]),
+    )  # fmt: skip
+
+
+@formula
+def seen_in(v, x, y, z):
+    """V' times a row of B."""
+    return dot(v[0], v[3], v[6], x, y, z), dot(v[1], v[4], v[7], x, y, z), dot(v[2], v[5], v[8], x, y, z)
+
+
+@formula
+def product(a, b):
+    return (
+        dot(a[0], a[1], a[2], b[0], b[3], b[6]), dot(a[0], a[1], a[2], b[1], b[4], b[7]),
+        dot(a[0], a[1], a[2], b[2], b[5], b[8]), dot(a[3], a[4], a[5], b[0], b[3], b[6]),
+        dot(a[3], a[4], a[5], b[1], b[4], b[7]), dot(a[3], a[4], a[5], b[2], b[5], b[8]),
+        dot(a[6], a[7], a[8], b[0], b[3], b[6]), dot(a[6], a[7], a[8], b[1], b[4], b[7]),
+        dot(a[6], a[7], a[8], b[2], b[5], b[8]),
+    )  # fmt: skip
+
+
+@formula
+def transposed_product(a, b):
+    return product((a[0], a[3], a[6], a[1], a[4], a[7], a[2], a[5], a[8]), b)
+
+
+@formula
+def turn(pp, pq, qq):
+    """(cosine, sine, decrease of pp and increase of qq) of the rotation that makes pq 0: G. Golub, C. Van Loan,
+    "Matrix Computations", 8.5.2."""
+    if pq == 0.0:
+        return 1.0, 0.0, 0.0
+    theta = 0.5 * (qq - pp) / pq
+    if abs(theta) > LARGEST:  # the tangent is below half of eps^2, for which `fast` math on CUDA may return NaN
+        return 1.0, 0.0, 0.0
+    t = 1.0 / (abs(theta) + sqrt(theta * theta + 1.0))
+    t = t if theta >= 0.0 else -t
+    c = 1.0 / sqrt(t * t + 1.0)
+    return c, t * c, t * pq
+
+
+@formula
+def rotated(c, s, p, q):
+    return c * p - s * q, s * p + c * q
+
+
+@formula
+def axes(xx, xy, xz, yy, yz, zz):
+    """(eigenvalues in no order, V by rows: its columns are the eigenvectors), by Jacobi's method."""
+    a, b, c, d, e, f, g, h, i = 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0
+    for _ in range(SWEEPS[4] if FEATURE.single else SWEEPS[8]):
+        if (xy == 0.0) & (xz == 0.0) & (yz == 0.0):
+            break
+        k, s, t = turn(xx, xy, yy)
+        xx, yy, xy = xx - t, yy + t, 0.0
+        xz, yz = rotated(k, s, xz, yz)
+        a, b = rotated(k, s, a, b)
+        d, e = rotated(k, s, d, e)
+        g, h = rotated(k, s, g, h)
+        k, s, t = turn(xx, xz, zz)
+        xx, zz, xz = xx - t, zz + t, 0.0
+        xy, yz = rotated(k, s, xy, yz)
+        a, c = rotated(k, s, a, c)
+        d, f = rotated(k, s, d, f)
+        g, i = rotated(k, s, g, i)
+        k, s, t = turn(yy, yz, zz)
+        yy, zz, yz = yy - t, zz + t, 0.0
+        xy, xz = rotated(k, s, xy, xz)
+        b, c = rotated(k, s, b, c)
+        e, f = rotated(k, s, e, f)
+        h, i = rotated(k, s, h, i)
+    return (xx, yy, zz), (a, b, c, d, e, f, g, h, i)

@@ -13,9 +13,7 @@ d is x_i - x_j, e the difference of their shifts or velocities. Sums follow the 
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
-from softlab.model.formulas import plain
+from softlab.model.base.variant import formula, real
 
 OPERATIONS_APPROACH = 27  # a neighbour: slope, and the difference of velocities along it
 OPERATIONS_MOVE = 20  # a particle
@@ -24,57 +22,55 @@ SPARSE = (
 )
 
 
-def make(real, compiled=plain):
-    """Make the functions of both solves in the arithmetic `real`."""
-    zero, one, three, sparse = real(0), real(1), real(3), real(SPARSE)
+@formula
+def approach_added(total, s, dx, dy, dz, ex, ey, ez):
+    """Sum of grad_j C_i . e plus that of a neighbour; s: `slope`."""
+    return total - s * ((dx * ex + dy * ey) + dz * ez)
 
-    @compiled
-    def approach_added(total, s, dx, dy, dz, ex, ey, ez):
-        """Sum of grad_j C_i . e plus that of a neighbour; s: `slope`."""
-        return total - s * ((dx * ex + dy * ey) + dz * ez)
 
-    @compiled
-    def approach_of_wall(total, wx, wy, wz, x, y, z):
-        """Sum plus the walls' contribution, which comes last. w: their gradient; (x, y, z): the particle's shift or
-        velocity."""
-        return total + ((wx * x + wy * y) + wz * z)
+@formula
+def approach_of_wall(total, wx, wy, wz, x, y, z):
+    """Sum plus the walls' contribution, which comes last. w: their gradient; (x, y, z): the particle's shift or
+    velocity."""
+    return total + ((wx * x + wy * y) + wz * z)
 
-    @compiled
-    def compressed(c, approach, dt, came):
-        """Target of the first solve: the increase of density in a substep.
 
-        `came`: the part of it from moving walls. A particle that lacks more than SPARSE of its density counts as
-        isolated.
-        """
-        return dt * approach + came if c > -sparse else -one
+@formula
+def compressed(c, approach, dt, came):
+    """Target of the first solve: the increase of density in a substep.
 
-    @compiled
-    def foreseen(c, approach, dt):
-        """Target of the second solve: C at the substep's end."""
-        return c + dt * approach
+    `came`: the part of it from moving walls. A particle that lacks more than SPARSE of its density counts as
+    isolated.
+    """
+    return dt * approach + came if c > -SPARSE else -1.0
 
-    @compiled
-    def pressed(ahead, factor, c):
-        """Next iterate, from `ahead`, at which the constraint has the value c."""
-        return min(ahead - factor * c, zero)
 
-    @compiled
-    def lead(turn, iterations):
-        """Extrapolation factor for the next iteration: times the difference of the last two iterates. It is 0 after the
-        last one."""
-        return real(turn) / (real(turn) + three) if turn + 1 < iterations else zero
+@formula
+def foreseen(c, approach, dt):
+    """Target of the second solve: C at the substep's end."""
+    return c + dt * approach
 
-    @compiled
-    def led(now, before, lead):
-        """Starting point of the next iteration."""
-        return now + lead * (now - before)
 
-    @compiled
-    def gained(velocity, shift, inverse_dt):
-        """Velocity after a solve, one axis."""
-        return velocity + shift * inverse_dt
+@formula
+def pressed(ahead, factor, c):
+    """Next iterate, from `ahead`, at which the constraint has the value c."""
+    return min(ahead - factor * c, 0.0)
 
-    return SimpleNamespace(
-        approach_added=approach_added, approach_of_wall=approach_of_wall, compressed=compressed, foreseen=foreseen,
-        pressed=pressed, lead=lead, led=led, gained=gained,
-    )  # fmt: skip
+
+@formula
+def lead(turn, iterations):
+    """Extrapolation factor for the next iteration: times the difference of the last two iterates. It is 0 after the
+    last one."""
+    return real(turn) / (real(turn) + 3.0) if turn + 1 < iterations else 0.0
+
+
+@formula
+def led(now, before, lead):
+    """Starting point of the next iteration."""
+    return now + lead * (now - before)
+
+
+@formula
+def gained(velocity, shift, inverse_dt):
+    """Velocity after a solve, one axis."""
+    return velocity + shift * inverse_dt

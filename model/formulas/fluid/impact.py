@@ -10,49 +10,41 @@ contact and dry friction in finite freedom dynamics", CISM 302, 1988).
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
-from softlab.model.formulas import plain
-from softlab.model.formulas.cloth import make as make_cloth
+from softlab.model.base.variant import formula
+from softlab.model.formulas.lengths import cross
 
 
-def make(real, compiled=plain):
-    """Make the functions of impacts in the arithmetic `real`."""
-    zero = real(0)
-    cross = make_cloth(real, compiled).cross
+@formula
+def after_impact(velocity, position, predicted, inverse_dt):
+    """Velocity [m/s], one axis: `velocity` as the colliders left it at `predicted`, plus the corrections since."""
+    return velocity + (position - predicted) * inverse_dt
 
-    @compiled
-    def after_impact(velocity, position, predicted, inverse_dt):
-        """Velocity [m/s], one axis: `velocity` as the colliders left it at `predicted`, plus the corrections since."""
-        return velocity + (position - predicted) * inverse_dt
 
-    @compiled
-    def wall_push(multiplier, weight, slope, rate, inverse_dt):
-        """Change of velocity by a wall [m/s], 0 or more, matching `wall_added`: `slope` times the `rate` at which that
-        wall counts among others. Multiplier and slope are 0 or less."""
-        return (weight * (multiplier * (slope * rate))) * inverse_dt
+@formula
+def wall_push(multiplier, weight, slope, rate, inverse_dt):
+    """Change of velocity by a wall [m/s], 0 or more, matching `wall_added`: `slope` times the `rate` at which that
+    wall counts among others. Multiplier and slope are 0 or less."""
+    return (weight * (multiplier * (slope * rate))) * inverse_dt
 
-    @compiled
-    def rebound(v, u, w, n, push):
-        """Speed [m/s] to remove from v along the wall's normal n: the excess over the outward speed before the
-        corrections (u) and over that of the wall (w), at most `push`."""
-        nx, ny, nz = n
-        gained = (v[0] * nx + v[1] * ny) + v[2] * nz
-        before, wall = (u[0] * nx + u[1] * ny) + u[2] * nz, (w[0] * nx + w[1] * ny) + w[2] * nz
-        return min(max(gained - max(before, wall), zero), push)
 
-    @compiled
-    def without(velocity, speed, n):
-        """Velocity minus `speed` along n, one axis."""
-        return velocity - speed * n
+@formula
+def rebound(v, u, w, n, push):
+    """Speed [m/s] to remove from v along the wall's normal n: the excess over the outward speed before the
+    corrections (u) and over that of the wall (w), at most `push`."""
+    nx, ny, nz = n
+    gained = (v[0] * nx + v[1] * ny) + v[2] * nz
+    before, wall = (u[0] * nx + u[1] * ny) + u[2] * nz, (w[0] * nx + w[1] * ny) + w[2] * nz
+    return min(max(gained - max(before, wall), 0.0), push)
 
-    @compiled
-    def surface_velocity(q, spin, e, p, o):
-        """Velocity [m/s] of a collider's point p [m]. Its origin o moves at q; it rotates about e at `spin` [rad/s]."""
-        tx, ty, tz = cross(spin * e[0], spin * e[1], spin * e[2], p[0] - o[0], p[1] - o[1], p[2] - o[2])
-        return q[0] + tx, q[1] + ty, q[2] + tz
 
-    return SimpleNamespace(
-        after_impact=after_impact, wall_push=wall_push, rebound=rebound, without=without,
-        surface_velocity=surface_velocity,
-    )  # fmt: skip
+@formula
+def without(velocity, speed, n):
+    """Velocity minus `speed` along n, one axis."""
+    return velocity - speed * n
+
+
+@formula
+def surface_velocity(q, spin, e, p, o):
+    """Velocity [m/s] of a collider's point p [m]. Its origin o moves at q; it rotates about e at `spin` [rad/s]."""
+    tx, ty, tz = cross(spin * e[0], spin * e[1], spin * e[2], p[0] - o[0], p[1] - o[1], p[2] - o[2])
+    return q[0] + tx, q[1] + ty, q[2] + tz

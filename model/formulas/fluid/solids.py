@@ -14,65 +14,61 @@ iterations of a substep) and a `lightness`. d, s, t: as in model/formulas/fluid/
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
-from softlab.model.formulas import plain
+from softlab.model.base.variant import formula
 
 OPERATIONS_DENSITY = 15  # a neighbour
 OPERATIONS_FACTORS = 37
 OPERATIONS_CORRECT = 45
 
 
-def make(real, compiled=plain):
-    """Make the functions of samples in the arithmetic `real`."""
-    two, least = real(2), real(1e-6)
+@formula
+def counted(total, volume, t):
+    """Sum plus the kernel of a neighbour of that volume; t: `closeness`."""
+    return total + volume * ((t * t) * t)
 
-    @compiled
-    def counted(total, volume, t):
-        """Sum plus the kernel of a neighbour of that volume; t: `closeness`."""
-        return total + volume * ((t * t) * t)
 
-    @compiled
-    def counted_slope(volume, s):
-        """Slope [1/m^2] of a neighbour of that volume."""
-        return volume * s
+@formula
+def counted_slope(volume, s):
+    """Slope [1/m^2] of a neighbour of that volume."""
+    return volume * s
 
-    @compiled
-    def carried(lightness, volume):
-        """Mobility of a neighbour, as the `weight` of squares_added: a sample's lightness times its volume squared."""
-        return lightness * (volume * volume)
 
-    @compiled
-    def both(change, other_change, volume, other_volume):
-        """Sum of both multipliers' changes, as correction_added expects it. A sample's change is 0."""
-        return change * other_volume + other_change * volume
+@formula
+def carried(lightness, volume):
+    """Mobility of a neighbour, as the `weight` of squares_added: a sample's lightness times its volume squared."""
+    return lightness * (volume * volume)
 
-    @compiled
-    def rub(t, viscosity, other_viscosity, weight, other_weight, grip, other_grip):
-        """Fraction of a difference of displacements that a particle and a sample take from each other in an iteration,
-        for weight 1.
 
-        It is that of XSPH with the fluid's viscosity, as if the fluid stuck to the solid, and 0 for any other pair.
-        """
-        mean = (viscosity + other_viscosity) * (two / max(weight + other_weight, least))
-        return (mean * (grip + other_grip)) * ((t * t) * t)
+@formula
+def both(change, other_change, volume, other_volume):
+    """Sum of both multipliers' changes, as correction_added expects it. A sample's change is 0."""
+    return change * other_volume + other_change * volume
 
-    @compiled
-    def rub_added(total, weight, displacement, other_displacement):
-        """Sum of corrections plus that of `rub`, one axis. Displacements: in the substep [m]."""
-        return total + weight * (other_displacement - displacement)
 
-    @compiled
-    def middle(x, y, z, a, b, c):
-        """Position of a sample between three particles at x, y, z, with the weights a, b, c, one axis."""
-        return (a * x + b * y) + c * z
+@formula
+def rub(t, viscosity, other_viscosity, weight, other_weight, grip, other_grip):
+    """Fraction of a difference of displacements that a particle and a sample take from each other in an iteration,
+    for weight 1.
 
-    @compiled
-    def carried_on(total, weight, correction):
-        """Push on a particle of a solid plus that on one more sample that it carries, one axis."""
-        return total + weight * correction
+    It is that of XSPH with the fluid's viscosity, as if the fluid stuck to the solid, and 0 for any other pair.
+    """
+    mean = (viscosity + other_viscosity) * (2.0 / max(weight + other_weight, 1e-06))
+    return (mean * (grip + other_grip)) * ((t * t) * t)
 
-    return SimpleNamespace(
-        counted=counted, counted_slope=counted_slope, carried=carried, both=both, rub=rub, rub_added=rub_added,
-        middle=middle, carried_on=carried_on,
-    )  # fmt: skip
+
+@formula
+def rub_added(total, weight, displacement, other_displacement):
+    """Sum of corrections plus that of `rub`, one axis. Displacements: in the substep [m]."""
+    return total + weight * (other_displacement - displacement)
+
+
+@formula
+def middle(x, y, z, a, b, c):
+    """Position of a sample between three particles at x, y, z, with the weights a, b, c, one axis."""
+    return (a * x + b * y) + c * z
+
+
+@formula
+def carried_on(total, weight, correction):
+    """Push on a particle of a solid plus that on one more sample that it carries, one axis."""
+    return total + weight * correction

@@ -7,10 +7,8 @@ model/formulas/colliders.py).
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
-from softlab.model.formulas import plain
-from softlab.model.formulas.colliders import make as make_colliders
+from softlab.model.base.variant import formula
+from softlab.model.formulas.colliders import sphere_entry
 
 CONTACT = (
     1e-3  # of half an edge: a particle this little inside counts as on the face, whatever rounding did to its position
@@ -18,78 +16,75 @@ CONTACT = (
 OPERATIONS = 60
 
 
-def make(real, compiled=plain):
-    """Make `capsule_entry` and `box_face` in the arithmetic `real`."""
-    zero, one, contact = real(0), real(1), real(CONTACT)
-    sphere_entry = make_colliders(real, compiled).sphere_entry
+@formula
+def capsule_entry(ax, ay, az, bx, by, bz, ex, ey, ez, radius):
+    """Fraction of the segment from a to b after which it is within `radius` of the capsule's axis; 1 where
+    `sphere_entry` gives 1.
 
-    @compiled
-    def capsule_entry(ax, ay, az, bx, by, bz, ex, ey, ez, radius):
-        """Fraction of the segment from a to b after which it is within `radius` of the capsule's axis; 1 where
-        `sphere_entry` gives 1.
+    a, b: from the axis' start; e: from its start to its end.
+    """
+    squared = (ex * ex + ey * ey) + ez * ez
+    if squared > 0.0:
+        begin = ((ax * ex + ay * ey) + az * ez) / squared
+        end = ((bx * ex + by * ey) + bz * ez) / squared
+        part = sphere_entry(
+            ax - begin * ex, ay - begin * ey, az - begin * ez, bx - end * ex, by - end * ey, bz - end * ez, radius
+        )
+        along = begin + part * (end - begin)
+        if part < 1.0 and along >= 0.0 and along <= 1.0:
+            return part
+    first = sphere_entry(ax, ay, az, bx, by, bz, radius)
+    return min(first, sphere_entry(ax - ex, ay - ey, az - ez, bx - ex, by - ey, bz - ez, radius))
 
-        a, b: from the axis' start; e: from its start to its end.
-        """
-        squared = (ex * ex + ey * ey) + ez * ez
-        if squared > zero:
-            begin = ((ax * ex + ay * ey) + az * ez) / squared
-            end = ((bx * ex + by * ey) + bz * ez) / squared
-            part = sphere_entry(
-                ax - begin * ex, ay - begin * ey, az - begin * ez, bx - end * ex, by - end * ey, bz - end * ez, radius
-            )
-            along = begin + part * (end - begin)
-            if part < one and along >= zero and along <= one:
-                return part
-        first = sphere_entry(ax, ay, az, bx, by, bz, radius)
-        return min(first, sphere_entry(ax - ex, ay - ey, az - ez, bx - ex, by - ey, bz - ez, radius))
 
-    @compiled
-    def side_of(a):
-        return one if a >= zero else -one
+@formula
+def side_of(a):
+    return 1.0 if a >= 0.0 else -1.0
 
-    @compiled
-    def crossing(a, b, half):
-        """Fraction of the segment from a to b, along one axis, at which it crosses the face on a's side; -1 where it
-        does not."""
-        side = side_of(a)
-        out, inward = side * a - half, side * (a - b)
-        if out < -contact * half or inward <= zero:
-            return -one
-        return max(out, zero) / inward
 
-    @compiled
-    def within(a, b, part, half):
-        return abs(a + part * (b - a)) <= half
+@formula
+def crossing(a, b, half):
+    """Fraction of the segment from a to b, along one axis, at which it crosses the face on a's side; -1 where it
+    does not."""
+    side = side_of(a)
+    out, inward = side * a - half, side * (a - b)
+    if out < -CONTACT * half or inward <= 0.0:
+        return -1.0
+    return max(out, 0.0) / inward
 
-    @compiled
-    def box_face(ax, ay, az, bx, by, bz, hx, hy, hz):
-        """(depth, nx, ny, nz) of a path from a to b that enters by the face of normal n and ends at that depth [m]
-        behind it.
 
-        a, b: from the centre; `h`: half the edges. n is 0 where the path does not enter, or ends inside and nearest to
-        that face, by which the box's distance pushes it out anyway.
-        """
-        tx, ty, tz = crossing(ax, bx, hx), crossing(ay, by, hy), crossing(az, bz, hz)
-        part = max(max(tx, ty), tz)
-        if part < zero or part > one:
-            return zero, zero, zero, zero
-        qx, qy, qz = abs(bx) - hx, abs(by) - hy, abs(bz) - hz
-        inside = qx <= zero and qy <= zero and qz <= zero
-        if tx >= ty and tx >= tz:
-            side = side_of(ax)
-            led = inside and qx >= qy and qx >= qz and side_of(bx) == side
-            if not led and within(ay, by, part, hy) and within(az, bz, part, hz):
-                return hx - side * bx, side, zero, zero
-        elif ty >= tz:
-            side = side_of(ay)
-            led = inside and qy > qx and qy >= qz and side_of(by) == side
-            if not led and within(ax, bx, part, hx) and within(az, bz, part, hz):
-                return hy - side * by, zero, side, zero
-        else:
-            side = side_of(az)
-            led = inside and qz > qx and qz > qy and side_of(bz) == side
-            if not led and within(ax, bx, part, hx) and within(ay, by, part, hy):
-                return hz - side * bz, zero, zero, side
-        return zero, zero, zero, zero
+@formula
+def within(a, b, part, half):
+    return abs(a + part * (b - a)) <= half
 
-    return SimpleNamespace(capsule_entry=capsule_entry, box_face=box_face)
+
+@formula
+def box_face(ax, ay, az, bx, by, bz, hx, hy, hz):
+    """(depth, nx, ny, nz) of a path from a to b that enters by the face of normal n and ends at that depth [m]
+    behind it.
+
+    a, b: from the centre; `h`: half the edges. n is 0 where the path does not enter, or ends inside and nearest to
+    that face, by which the box's distance pushes it out anyway.
+    """
+    tx, ty, tz = crossing(ax, bx, hx), crossing(ay, by, hy), crossing(az, bz, hz)
+    part = max(max(tx, ty), tz)
+    if part < 0.0 or part > 1.0:
+        return 0.0, 0.0, 0.0, 0.0
+    qx, qy, qz = abs(bx) - hx, abs(by) - hy, abs(bz) - hz
+    inside = qx <= 0.0 and qy <= 0.0 and qz <= 0.0
+    if tx >= ty and tx >= tz:
+        side = side_of(ax)
+        led = inside and qx >= qy and qx >= qz and side_of(bx) == side
+        if not led and within(ay, by, part, hy) and within(az, bz, part, hz):
+            return hx - side * bx, side, 0.0, 0.0
+    elif ty >= tz:
+        side = side_of(ay)
+        led = inside and qy > qx and qy >= qz and side_of(by) == side
+        if not led and within(ax, bx, part, hx) and within(az, bz, part, hz):
+            return hy - side * by, 0.0, side, 0.0
+    else:
+        side = side_of(az)
+        led = inside and qz > qx and qz > qy and side_of(bz) == side
+        if not led and within(ax, bx, part, hx) and within(ay, by, part, hy):
+            return hz - side * bz, 0.0, 0.0, side
+    return 0.0, 0.0, 0.0, 0.0

@@ -13,9 +13,7 @@ the lanes are then added in pairs, half of them apart (`total`).
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
-from softlab.model.formulas import plain
+from softlab.model.base.variant import formula
 from softlab.model.formulas.rotation import OPERATIONS_MATRIX, OPERATIONS_NEAR
 
 LANES = 16
@@ -26,56 +24,55 @@ OPERATIONS_GOAL = 27  # of an entry: 18 for the goal, 9
 OPERATIONS_MOVE = 3  # of a particle
 
 
-def make(real, compiled=plain):
-    """Make the functions of clusters in the arithmetic `real`."""
+@formula
+def weighted(mass, position, first):
+    """Mass times the position relative to the cluster's first particle [kg m], one axis."""
+    return mass * (position - first)
 
-    @compiled
-    def weighted(mass, position, first):
-        """Mass times the position relative to the cluster's first particle [kg m], one axis."""
-        return mass * (position - first)
 
-    @compiled
-    def added(total, position, rest):
-        """Moment plus that of one more entry: its weighted position along an axis times its rest offset along
-        another."""
-        return total + position * rest
+@formula
+def added(total, position, rest):
+    """Moment plus that of one more entry: its weighted position along an axis times its rest offset along
+    another."""
+    return total + position * rest
 
-    @compiled
-    def total(lanes):
-        """Sum of LANES lanes."""
-        a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p = lanes  # noqa: E741
-        return (((a + i) + (e + m)) + ((c + k) + (g + o))) + (((b + j) + (f + n)) + ((d + l) + (h + p)))
 
-    @compiled
-    def corrected(moment, position_sum, rest_offset):
-        """Entry of A: along a current axis and one at rest."""
-        return moment - position_sum * rest_offset
+@formula
+def total(lanes):
+    """Sum of LANES lanes."""
+    a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p = lanes  # noqa: E741
+    return (((a + i) + (e + m)) + ((c + k) + (g + o))) + (((b + j) + (f + n)) + ((d + l) + (h + p)))
 
-    @compiled
-    def centre(first, position_sum, inverse_mass, a, b, c, x, y, z):
-        """Image of a rest offset of 0 [m], one axis, by a row of R: the centre of mass, corrected for the rest
-        offset (x, y, z)."""
-        return first + (position_sum * inverse_mass - ((a * x + b * y) + c * z))
 
-    @compiled
-    def goal(centre, a, b, c, x, y, z):
-        """Goal position of an entry [m], one axis, by a row of R and the rest offset."""
-        return centre + ((a * x + b * y) + c * z)
+@formula
+def corrected(moment, position_sum, rest_offset):
+    """Entry of A: along a current axis and one at rest."""
+    return moment - position_sum * rest_offset
 
-    @compiled
-    def displacement_added(displacement, factor, goal, position):
-        """Sum of displacements [m] of a particle to its goals, one axis.
 
-        `factor`: the entry's weight in its particle times the fraction by which the cluster moves particles in an
-        iteration.
-        """
-        return displacement + factor * (goal - position)
+@formula
+def centre(first, position_sum, inverse_mass, a, b, c, x, y, z):
+    """Image of a rest offset of 0 [m], one axis, by a row of R: the centre of mass, corrected for the rest
+    offset (x, y, z)."""
+    return first + (position_sum * inverse_mass - ((a * x + b * y) + c * z))
 
-    @compiled
-    def arrived(position, displacement):
-        return position + displacement
 
-    return SimpleNamespace(
-        weighted=weighted, added=added, total=total, corrected=corrected, centre=centre, goal=goal,
-        displacement_added=displacement_added, arrived=arrived,
-    )  # fmt: skip
+@formula
+def goal(centre, a, b, c, x, y, z):
+    """Goal position of an entry [m], one axis, by a row of R and the rest offset."""
+    return centre + ((a * x + b * y) + c * z)
+
+
+@formula
+def displacement_added(displacement, factor, goal, position):
+    """Sum of displacements [m] of a particle to its goals, one axis.
+
+    `factor`: the entry's weight in its particle times the fraction by which the cluster moves particles in an
+    iteration.
+    """
+    return displacement + factor * (goal - position)
+
+
+@formula
+def arrived(position, displacement):
+    return position + displacement

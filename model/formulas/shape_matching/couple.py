@@ -19,13 +19,12 @@ times the distance times the normal impulse, for each of a pair. The windows of 
 from __future__ import annotations
 
 from math import sqrt
-from types import SimpleNamespace
 
 import numpy as np
 
-from softlab.model.formulas import plain
-from softlab.model.formulas.lengths import make as make_lengths
-from softlab.model.formulas.shape_matching.pace import make as make_motion
+from softlab.model.base.variant import OfPrecision, formula
+from softlab.model.formulas.lengths import squared_length_3d
+from softlab.model.formulas.shape_matching.pace import less, solved
 
 SUMS = 12  # of a cluster: mass times position; couples; m d d' (xx, yy, zz, xy, xz, yz), d from its first particle
 FARTHEST = 0.25  # rad: largest turn of a cluster by friction in a substep, however small it was squashed
@@ -37,52 +36,49 @@ OPERATIONS_SPIN = 12 * 15 + 80  # of a cluster
 OPERATIONS_TURN = 15  # of an entry
 
 
-def make(real, compiled=plain):
-    """Make the functions of couples in the arithmetic `real`."""
-    zero, one, half, least, farthest = real(0), real(1), real(0.5), real(LEAST), real(FARTHEST)
-    huge = real(np.finfo(real).max)
-    squared_length_3d = make_lengths(real, compiled).squared_length_3d
-    clusters = make_motion(real, compiled)
-    less, solved = clusters.less, clusters.solved
+HUGE = OfPrecision(lambda real: np.finfo(real).max)
 
-    @compiled
-    def levered(total, fraction, length, gripped, a, b, c, d):
-        """Sum of couples plus that of a contact, one axis: n x s is a b - c d, and p = -fraction gripped s."""
-        return total + fraction * ((half * length * gripped) * (a * b - c * d))
 
-    @compiled
-    def gathered(couple, weight, total):
-        """Couple of a particle over its mass plus those of a sweep, one axis."""
-        return couple + weight * total
+@formula
+def levered(total, fraction, length, gripped, a, b, c, d):
+    """Sum of couples plus that of a contact, one axis: n x s is a b - c d, and p = -fraction gripped s."""
+    return total + fraction * ((0.5 * length * gripped) * (a * b - c * d))
 
-    @compiled
-    def spin(w, couple, moments, inverse_mass, position):
-        """(centre [m], turn [rad]), 3 numbers each, from the sums (mass times position, couple, second moments) and the
-        first particle's position."""
-        wx, wy, wz = w
-        xx, yy, zz, xy, xz, yz = moments
-        k = inverse_mass
-        xx, yy, zz = less(xx, wx, wx, k), less(yy, wy, wy, k), less(zz, wz, wz, k)
-        xy, xz, yz = less(xy, wx, wy, k), less(xz, wx, wz, k), less(yz, wy, wz, k)
-        more = (least + least) * ((xx + yy) + zz)
-        ox, oy, oz = solved(
-            (yy + zz) + more, -xy, -xz, (xx + zz) + more, -yz, (xx + yy) + more, couple[0], couple[1], couple[2]
-        )
-        square, scale = squared_length_3d(ox, oy, oz), one
-        if square > farthest * farthest:
-            scale = farthest / sqrt(square)
-        if not square <= huge:  # a cluster of one point
-            ox, oy, oz = zero, zero, zero
-        return position[0] + wx * k, position[1] + wy * k, position[2] + wz * k, scale * ox, scale * oy, scale * oz
 
-    @compiled
-    def cross_added(total, fraction, a, b, c, d):
-        """Sum of a particle's displacements plus that of a cluster's turn, one axis."""
-        return total + fraction * (a * b - c * d)
+@formula
+def gathered(couple, weight, total):
+    """Couple of a particle over its mass plus those of a sweep, one axis."""
+    return couple + weight * total
 
-    @compiled
-    def gone(position, displacement):
-        """Position after the displacement; the same bits where that is 0."""
-        return position + displacement if displacement != zero else position
 
-    return SimpleNamespace(levered=levered, gathered=gathered, spin=spin, cross_added=cross_added, gone=gone)
+@formula
+def spin(w, couple, moments, inverse_mass, position):
+    """(centre [m], turn [rad]), 3 numbers each, from the sums (mass times position, couple, second moments) and the
+    first particle's position."""
+    wx, wy, wz = w
+    xx, yy, zz, xy, xz, yz = moments
+    k = inverse_mass
+    xx, yy, zz = less(xx, wx, wx, k), less(yy, wy, wy, k), less(zz, wz, wz, k)
+    xy, xz, yz = less(xy, wx, wy, k), less(xz, wx, wz, k), less(yz, wy, wz, k)
+    more = (LEAST + LEAST) * ((xx + yy) + zz)
+    ox, oy, oz = solved(
+        (yy + zz) + more, -xy, -xz, (xx + zz) + more, -yz, (xx + yy) + more, couple[0], couple[1], couple[2]
+    )
+    square, scale = squared_length_3d(ox, oy, oz), 1.0
+    if square > FARTHEST * FARTHEST:
+        scale = FARTHEST / sqrt(square)
+    if not square <= HUGE:  # a cluster of one point
+        ox, oy, oz = 0.0, 0.0, 0.0
+    return position[0] + wx * k, position[1] + wy * k, position[2] + wz * k, scale * ox, scale * oy, scale * oz
+
+
+@formula
+def cross_added(total, fraction, a, b, c, d):
+    """Sum of a particle's displacements plus that of a cluster's turn, one axis."""
+    return total + fraction * (a * b - c * d)
+
+
+@formula
+def gone(position, displacement):
+    """Position after the displacement; the same bits where that is 0."""
+    return position + displacement if displacement != 0.0 else position

@@ -19,9 +19,7 @@ order z, y, x: of the clusters' centres from a reference, and of their rotations
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
-from softlab.model.formulas import plain
+from softlab.model.base.variant import formula
 from softlab.model.formulas.rotation import OPERATIONS_MATRIX, OPERATIONS_NEAR
 
 OPERATIONS_MEMBER = 3 * 5  # of a row of a window along x
@@ -32,69 +30,70 @@ OPERATIONS_GOAL_MEMBER = 3 * 6  # of a row of clusters along x
 OPERATIONS_MOVE = 3 * 2 + 3
 
 
-def make(real, compiled=plain):
-    """Make the functions of window sums in the arithmetic `real`."""
+@formula
+def lever(step, centre):
+    """Rest position of a mass along an axis [spacings]: `step` places from the window's middle, whose centre lies
+    `centre` spacings from that."""
+    return step - centre
 
-    @compiled
-    def lever(step, centre):
-        """Rest position of a mass along an axis [spacings]: `step` places from the window's middle, whose centre lies
-        `centre` spacings from that."""
-        return step - centre
 
-    @compiled
-    def part_of(weight, position, reference):
-        """Weight of a mass times its position relative to a reference [m]."""
-        return weight * (position - reference)
+@formula
+def part_of(weight, position, reference):
+    """Weight of a mass times its position relative to a reference [m]."""
+    return weight * (position - reference)
 
-    @compiled
-    def part_of_row(weight, total, mass, position, reference):
-        """Contribution of sums along a row (or over a slice) of the `mass`, relative to `position`: weighted, and
-        relative to another `reference` [m]."""
-        return weight * (total + mass * (position - reference))
 
-    @compiled
-    def added_turn(turn, part, lever):
-        """Rotational sum plus one more `part` times its `lever`: spacings from the rest centre or the reference."""
-        return turn + part * lever
+@formula
+def part_of_row(weight, total, mass, position, reference):
+    """Contribution of sums along a row (or over a slice) of the `mass`, relative to `position`: weighted, and
+    relative to another `reference` [m]."""
+    return weight * (total + mass * (position - reference))
 
-    @compiled
-    def shifted(total, mass, reference, position):
-        """Window's sum relative to its own mass's position instead of the reference [m]."""
-        return total + mass * (reference - position)
 
-    @compiled
-    def entry(a, b, c, x, y, z):
-        """Entry of a matrix product that converts between the lattice's axes and the initial ones."""
-        return (a * x + b * y) + c * z
+@formula
+def added_turn(turn, part, lever):
+    """Rotational sum plus one more `part` times its `lever`: spacings from the rest centre or the reference."""
+    return turn + part * lever
 
-    @compiled
-    def centre(total, inverse_slice, inverse):
-        """Centre of mass of the window relative to its own mass [m]. The inverse of its mass is a product, of a slice's
-        and that along z."""
-        return total * (inverse_slice * inverse)
 
-    @compiled
-    def added_goal(displacement, total, count, position, reference, lever, column):
-        """Sum of displacements to goals plus those of one more row or slice of `count` clusters.
+@formula
+def shifted(total, mass, reference, position):
+    """Window's sum relative to its own mass's position instead of the reference [m]."""
+    return total + mass * (reference - position)
 
-        They are relative to `position` before, and to the `reference` [m] after. The rotation's `column` maps the rest
-        offset `lever` [m] along its axis.
-        """
-        return displacement + ((total + count * (position - reference)) + lever * column)
 
-    @compiled
-    def ended(displacement, count, reference, position, lever, column):
-        """Sum of displacements of `count` clusters relative to a mass's own position [m], at its own place, `lever` [m]
-        from the reference's along the axis."""
-        return (displacement + count * (reference - position)) + lever * column
+@formula
+def entry(a, b, c, x, y, z):
+    """Entry of a matrix product that converts between the lattice's axes and the initial ones."""
+    return (a * x + b * y) + c * z
 
-    @compiled
-    def moved(position, displacement, weight_x, weight_y, weight_z, matching):
-        """Position [m], one axis, after the fraction `matching` of the mean displacement. The mass's weight in each of
-        its clusters is a product."""
-        return position + ((weight_x * weight_y) * (weight_z * matching)) * displacement
 
-    return SimpleNamespace(
-        lever=lever, part_of=part_of, part_of_row=part_of_row, added_turn=added_turn, shifted=shifted, entry=entry,
-        centre=centre, added_goal=added_goal, ended=ended, moved=moved,
-    )  # fmt: skip
+@formula
+def centre(total, inverse_slice, inverse):
+    """Centre of mass of the window relative to its own mass [m]. The inverse of its mass is a product, of a slice's
+    and that along z."""
+    return total * (inverse_slice * inverse)
+
+
+@formula
+def added_goal(displacement, total, count, position, reference, lever, column):
+    """Sum of displacements to goals plus those of one more row or slice of `count` clusters.
+
+    They are relative to `position` before, and to the `reference` [m] after. The rotation's `column` maps the rest
+    offset `lever` [m] along its axis.
+    """
+    return displacement + ((total + count * (position - reference)) + lever * column)
+
+
+@formula
+def ended(displacement, count, reference, position, lever, column):
+    """Sum of displacements of `count` clusters relative to a mass's own position [m], at its own place, `lever` [m]
+    from the reference's along the axis."""
+    return (displacement + count * (reference - position)) + lever * column
+
+
+@formula
+def moved(position, displacement, weight_x, weight_y, weight_z, matching):
+    """Position [m], one axis, after the fraction `matching` of the mean displacement. The mass's weight in each of
+    its clusters is a product."""
+    return position + ((weight_x * weight_y) * (weight_z * matching)) * displacement

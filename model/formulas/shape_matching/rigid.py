@@ -20,40 +20,38 @@ roundings of a body at rest would move it, again always to one side.
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
 
-from softlab.model.formulas import plain
+from softlab.model.base.variant import OfPrecision, formula
 
 OPERATIONS_PREDICT = 1  # per axis
 OPERATIONS_RATE = 1  # per axis
 ROUNDINGS = 2  # of a coordinate, in its last digits: of a goal and of a centre
 
 
-def make(real, compiled=plain):
-    """Make the functions of travels in the arithmetic `real`, each for one axis."""
-    zero, last_digit = real(0), real(ROUNDINGS * float(np.finfo(real).eps))
+LAST_DIGIT = OfPrecision(lambda real: ROUNDINGS * float(np.finfo(real).eps))
 
-    @compiled
-    def travelled(h, velocity):
-        """Travel of a prediction [m]."""
-        return h * velocity
 
-    @compiled
-    def carried(travel, position, before):
-        """Travel after something other than matching moved the particle from `before` to `position`."""
-        return travel + (position - before)
+@formula
+def travelled(h, velocity):
+    """Travel of a prediction [m]."""
+    return h * velocity
 
-    @compiled
-    def settled(displacement, slack, position):
-        """Displacement to a goal; 0 where it is no longer than roundings. `slack`: those of the body [m], 0 if it is
-        not rigid."""
-        return zero if slack > zero and abs(displacement) <= slack + last_digit * abs(position) else displacement
 
-    @compiled
-    def rate_over(travel, inverse_h):
-        """Velocity [m/s] of a travel."""
-        return travel * inverse_h
+@formula
+def carried(travel, position, before):
+    """Travel after something other than matching moved the particle from `before` to `position`."""
+    return travel + (position - before)
 
-    return SimpleNamespace(travelled=travelled, carried=carried, settled=settled, rate_over=rate_over)
+
+@formula
+def settled(displacement, slack, position):
+    """Displacement to a goal; 0 where it is no longer than roundings. `slack`: those of the body [m], 0 if it is
+    not rigid."""
+    return 0.0 if slack > 0.0 and abs(displacement) <= slack + LAST_DIGIT * abs(position) else displacement
+
+
+@formula
+def rate_over(travel, inverse_h):
+    """Velocity [m/s] of a travel."""
+    return travel * inverse_h

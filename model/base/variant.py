@@ -1,0 +1,331 @@
+"""Module-level functions, compiled in the variant that asks for them: in a precision, a math, with some features.
+
+A formula stands in its module as an ordinary function, where it is found, read and called as plain Python:
+
+    @formula
+    def kicked(velocity, acceleration, dt):
+        if FEATURE.damped:
+            ...
+        return velocity + 0.5 * dt * acceleration
+
+`Variant(np.float32, numba.njit, {"damped": True})` compiles a copy of it in which
+- literals and constants of its module that are floats have the variant's precision, so that float32 stays float32;
+- `FEATURE.damped` is True (False, where the variant does not name it; or a number, to be compared), and a branch that
+  is never taken is gone before the compiler sees it;
+- formulas that it calls are compiled in the same variant, or replaced by the instructions that the variant names;
+- `a * b` is a call of the variant's product, if it has one (for CUDA, which otherwise contracts a * b + c).
+
+Line numbers are those of the file, so that tracebacks and debuggers show it. An integer literal times a float32 is a
+float64 in numba: formulas with one are refused (`2.0 * x`, not `2 * x`). Integer arithmetic is an `integer_formula`,
+whose products stay as they are.
+"""
+
+from __future__ import annotations
+
+import ast
+import builtins
+import inspect
+import operator
+from collections.abc import Callable, Mapping
+from functools import cache
+from types import CodeType, FunctionType, ModuleType
+from typing import Any, TypeVar
+
+import numpy as np
+
+F = TypeVar("F", bound=Callable[..., Any])
+PRODUCT = "_product"  # name of the variant's product in compiled copies
+COMPARED = {ast.Eq: operator.eq, ast.NotEq: operator.ne, ast.Gt: operator.gt, ast.Lt: operator.lt}
+SINGLE = "single"  # the feature of every float32 variant
+
+
+class _Features:
+    """`FEATURE.name` in a formula is a constant of the variant."""
+
+    def __getattr__(self, name: str) -> Any:
+        raise AttributeError(f"FEATURE.{name} is known inside a variant only: Variant(real, plain, features)")
+
+
+FEATURE: Any = _Features()
+
+
+class OfPrecision(float):
+    """A constant that depends on the precision: `make(real)`. As plain Python it is the one of float64."""
+
+    make: Callable[[Any], Any]
+
+    def __new__(cls, make: Callable[[Any], Any]) -> OfPrecision:
+        constant = super().__new__(cls, make(np.float64))
+        constant.make = make
+        return constant
+
+
+def real(number: Any) -> Any:
+    """Return a number in the variant's precision; as plain Python, in float64."""
+    return np.float64(number)
+
+
+def formula(function: F) -> F:
+    """Mark a function of floating-point arithmetic as one that variants compile."""
+    function.rounds_products = True  # type: ignore[attr-defined]
+    return function
+
+
+def integer_formula(function: F) -> F:
+    """Mark a function of integers as one that variants compile."""
+    function.rounds_products = False  # type: ignore[attr-defined]
+    return function
+
+
+class Open:
+    """A name in a formula that `filled` replaces by another formula; `signature` says which one."""
+
+    def __init__(self, signature: str):
+        self.signature = signature
+
+    def __call__(self, *arguments: Any) -> Any:
+        raise TypeError(f"call a formula made by filled(...): {self.signature} is open")
+
+
+class Filled:
+    """A formula with formulas in the place of its open names."""
+
+    def __init__(self, function: Any, names: dict[str, Any]):
+        self.function, self.names = function, names
+        self.__name__, self.__module__, self.__doc__ = function.__name__, function.__module__, function.__doc__
+        self.rounds_products = function.rounds_products
+
+    def __call__(self, *arguments: Any) -> Any:
+        return Variant(np.float64)(self)(*arguments)
+
+
+def filled(function: Any, **names: Any) -> Any:
+    """Return a formula with formulas in the place of its open names."""
+    return Filled(function, names)
+
+
+def plain(function: F) -> F:
+    """Return `function` uncompiled: the decorator for tests and for reading formulas as ordinary Python."""
+    return function
+
+
+def is_formula(value: Any) -> bool:
+    return hasattr(value, "rounds_products")
+
+
+class Variant:
+    """One arithmetic and one set of features; `compiled` is the decorator that compiles a function.
+
+    `features`: by name, what is not False; `product`: what multiplies, or None; `instructions`: names of formulas ->
+    functions that take their place.
+    """
+
+    def __init__(
+        self, real: Any, compiled: Callable[[Callable], Any] = plain, features: Mapping[str, Any] | None = None,
+        product: Callable | None = None, instructions: Mapping[str, Callable] | None = None,
+    ):  # fmt: skip
+        self.real, self.compiled, self.product = real, compiled, product
+        self.features = frozenset({**(features or {}), SINGLE: real is np.float32}.items())
+        self.instructions = instructions or {}
+        self._made: dict[Any, Any] = {}
+
+    def __call__(self, formula: Any) -> Any:
+        """Return a formula, compiled."""
+        if formula.__name__ in self.instructions:
+            return self.instructions[formula.__name__]
+        if formula not in self._made:
+            self._made[formula] = self.compiled(self._copied(formula))
+        return self._made[formula]
+
+    def of(self, module: ModuleType) -> Formulas:
+        """Return the formulas of a module, compiled when they are first asked for."""
+        return Formulas(self, module)
+
+    def _copied(self, formula: Any) -> FunctionType:
+        function, names = (formula.function, formula.names) if isinstance(formula, Filled) else (formula, {})
+        known = function.__globals__ | names
+        rounded = self.product is not None and function.rounds_products
+        code, used, constants = specialised(function, self.features, rounded)
+        space = {name: self._within(known[name]) for name in used & known.keys()}
+        space |= {name: self.real(value) for name, value in constants.items()}
+        space |= {"__name__": function.__module__, "__builtins__": builtins, PRODUCT: self.product}
+        exec(code, space)
+        space[function.__name__].softlab_formula = function, self.features, rounded  # of specialised_tree
+        return space[function.__name__]
+
+    def _within(self, value: Any) -> Any:
+        """Return what a formula's global is in this variant."""
+        if is_formula(value):
+            return self(value)
+        if value is real:
+            return self.real
+        if isinstance(value, float):
+            return self.real(value.make(self.real) if isinstance(value, OfPrecision) else value)
+        return tuple(self._within(item) for item in value) if type(value) is tuple else value
+
+
+class Formulas:
+    """The formulas of a module in a variant, as attributes."""
+
+    def __init__(self, variant: Variant, module: ModuleType):
+        self._variant, self._module = variant, module
+
+    def __getattr__(self, name: str) -> Any:
+        formula = getattr(self._module, name)
+        if not is_formula(formula):
+            raise AttributeError(f"{self._module.__name__}.{name} is no formula")
+        return self._variant(formula)
+
+
+def plain_formulas(module: ModuleType, real: Any, **features: Any) -> Formulas:
+    """Return the formulas of a module as plain Python, in a precision."""
+    return Variant(real, plain, features).of(module)
+
+
+@cache
+def specialised(
+    function: FunctionType, features: frozenset[tuple[str, Any]], rounded: bool
+) -> tuple[CodeType, frozenset[str], dict[str, float]]:
+    """Return (code that defines a formula's copy, the names in it, its float literals by the names they get)."""
+    definition, constants = specialised_tree(function, features, rounded)
+    tree = ast.fix_missing_locations(ast.Module([definition], []))
+    names = frozenset(node.id for node in ast.walk(tree) if isinstance(node, ast.Name))
+    return compile(tree, inspect.getfile(function), "exec"), names, constants
+
+
+def specialised_tree(
+    function: FunctionType, features: frozenset[tuple[str, Any]], rounded: bool
+) -> tuple[ast.FunctionDef, dict[str, float]]:
+    """Return (a formula's copy, its float literals by the names they get)."""
+    line, text = _definitions(inspect.getfile(function))[function.__name__]
+    definition = ast.increment_lineno(ast.parse(text), line - 1).body[0]
+    assert isinstance(definition, ast.FunctionDef)
+    definition.returns = None
+    for argument in (*definition.args.args, *definition.args.kwonlyargs):
+        argument.annotation = None
+    if ast.get_docstring(definition) is not None:
+        del definition.body[0]
+    specialise = _Specialise(dict(features), function, rounded)
+    definition.body = specialise.block(definition.body)
+    return definition, specialise.constants
+
+
+@cache
+def _definitions(file: str) -> dict[str, tuple[int, str]]:
+    """Return (first line, text) of the functions of a file, without their decorators, by name."""
+    with open(file, encoding="utf-8") as source:
+        text = source.read()
+    lines, functions = text.splitlines(), [node for node in ast.parse(text).body if isinstance(node, ast.FunctionDef)]
+    return {node.name: (node.lineno, "\n".join(lines[node.lineno - 1 : node.end_lineno])) for node in functions}
+
+
+class _Specialise(ast.NodeTransformer):
+    """Puts the constants of a variant into a formula."""
+
+    def __init__(self, features: dict[str, Any], function: Any, rounded: bool):
+        self.features, self.known, self.rounded = features, function.__globals__, rounded
+        self.has_floats = function.rounds_products
+        self.constants: dict[str, float] = {}
+
+    def block(self, statements: list[ast.stmt]) -> list[ast.stmt]:
+        """Return statements without those that are never reached."""
+        kept: list[ast.stmt] = []
+        for statement in statements:
+            found = self.visit(statement)
+            kept += found if isinstance(found, list) else [found]
+            if kept and isinstance(kept[-1], ast.Return):
+                break
+        return kept or [ast.copy_location(ast.Pass(), statements[0])]
+
+    def visit_Attribute(self, node: ast.Attribute) -> ast.AST:
+        if isinstance(node.value, ast.Name) and node.value.id == "FEATURE":
+            return ast.copy_location(ast.Constant(self.features.get(node.attr, False)), node)
+        return self.generic_visit(node)
+
+    def visit_Subscript(self, node: ast.Subscript) -> ast.AST:
+        node.value = self.visit(node.value)  # the index is an integer and stays as it is
+        return node
+
+    def visit_Constant(self, node: ast.Constant) -> ast.AST:
+        if type(node.value) is not float:
+            return node
+        name = f"_{node.value!r}".replace(".", "_").replace("-", "m").replace("+", "")
+        self.constants[name] = node.value
+        return ast.copy_location(ast.Name(name, ast.Load()), node)
+
+    def visit_BinOp(self, node: ast.BinOp) -> ast.AST:
+        if isinstance(node.op, (ast.Mult, ast.Div, ast.Pow)):
+            self._refuse_integers(node.left, node.right)
+        self.generic_visit(node)
+        return self._product(node, node.left, node.right) if isinstance(node.op, ast.Mult) else node
+
+    def visit_AugAssign(self, node: ast.AugAssign) -> ast.AST:
+        if isinstance(node.op, (ast.Mult, ast.Div)):
+            self._refuse_integers(node.value)
+        self.generic_visit(node)
+        if not self.rounded or not isinstance(node.op, ast.Mult) or not isinstance(node.target, ast.Name):
+            return node
+        left = ast.copy_location(ast.Name(node.target.id, ast.Load()), node.target)
+        return ast.copy_location(ast.Assign([node.target], self._product(node, left, node.value)), node)
+
+    def _product(self, node: ast.AST, left: ast.expr, right: ast.expr) -> Any:
+        call = ast.Call(ast.Name(PRODUCT, ast.Load()), [left, right], [])
+        return ast.copy_location(call, node) if self.rounded else node
+
+    def _refuse_integers(self, *operands: ast.expr) -> None:
+        for operand in operands:
+            if self.has_floats and isinstance(operand, ast.Constant) and type(operand.value) is int:
+                raise TypeError(
+                    f"line {operand.lineno}: {operand.value} in a formula makes a float32 a float64; "
+                    f"write {operand.value}.0"
+                )
+
+    def visit_Compare(self, node: ast.Compare) -> ast.AST:
+        """A feature compared with a number or with a constant of the module is a constant."""
+        self.generic_visit(node)
+        if isinstance(node.left, ast.Constant) and len(node.ops) == 1 and type(node.ops[0]) in COMPARED:
+            right = node.comparators[0]
+            value = self.known.get(right.id) if isinstance(right, ast.Name) else getattr(right, "value", None)
+            if isinstance(value, (int, str)):
+                return ast.copy_location(ast.Constant(COMPARED[type(node.ops[0])](node.left.value, value)), node)
+        return node
+
+    def visit_BoolOp(self, node: ast.BoolOp) -> ast.AST:
+        self.generic_visit(node)
+        decides = isinstance(node.op, ast.Or)  # the constant that decides the whole
+        values: list[ast.expr] = []
+        for value in node.values:
+            if not (isinstance(value, ast.Constant) and isinstance(value.value, bool)):
+                values.append(value)
+            elif value.value is decides:
+                values.append(value)
+                break
+        if not values:
+            return ast.copy_location(ast.Constant(not decides), node)
+        return values[0] if len(values) == 1 else ast.copy_location(ast.BoolOp(node.op, values), node)
+
+    def visit_UnaryOp(self, node: ast.UnaryOp) -> ast.AST:
+        self.generic_visit(node)
+        if isinstance(node.op, ast.Not) and isinstance(node.operand, ast.Constant):
+            return ast.copy_location(ast.Constant(not node.operand.value), node)
+        return node
+
+    def visit_If(self, node: ast.If) -> Any:
+        test = self.visit(node.test)
+        if isinstance(test, ast.Constant):
+            taken = node.body if test.value else node.orelse
+            return self.block(taken) if taken else []
+        node.test, node.body = test, self.block(node.body)
+        node.orelse = self.block(node.orelse) if node.orelse else []
+        return node
+
+    def visit_For(self, node: ast.For) -> ast.AST:
+        node.target, node.iter, node.body = self.visit(node.target), self.visit(node.iter), self.block(node.body)
+        return node
+
+    def visit_IfExp(self, node: ast.IfExp) -> Any:
+        test = self.visit(node.test)
+        if isinstance(test, ast.Constant):
+            return self.visit(node.body if test.value else node.orelse)
+        node.test, node.body, node.orelse = test, self.visit(node.body), self.visit(node.orelse)
+        return node

@@ -1,0 +1,159 @@
+"""Formulas in the variant that asks (model/base/variant.py): precision, features, products, other formulas."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import traceback
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from softlab.model.base.variant import (
+    FEATURE,
+    Formulas,
+    OfPrecision,
+    Open,
+    Variant,
+    filled,
+    formula,
+    integer_formula,
+    is_formula,
+    plain,
+    plain_formulas,
+    real,
+)
+
+ROOT = Path(__file__).resolve().parents[2]
+THIRD = 1.0 / 3.0
+TERMS = 0.1, 0.2
+SMALLEST = OfPrecision(lambda real: np.finfo(real).tiny)
+HEAVY = 2
+end = Open("end(x) -> a number")
+
+
+@formula
+def third(x):
+    """A number times a constant of this module."""
+    return THIRD * x
+
+
+@formula
+def halved(x):
+    return 0.5 * third(x)
+
+
+@formula
+def by_kind(x):
+    if FEATURE.kind == HEAVY:
+        return 2.0 * x
+    if FEATURE.light and not FEATURE.kind > 2:
+        return x
+    return unknown(x)  # noqa: F821 - no variant below comes here
+
+
+@formula
+def scaled(x):
+    x *= 3.0
+    for _ in range(1):
+        if FEATURE.never:
+            x = unknown(x)  # noqa: F821
+    return x * real(2)
+
+
+@formula
+def ended(x):
+    return end(x) + TERMS[1]
+
+
+@formula
+def doubled(x):
+    return 2 * x
+
+
+@integer_formula
+def counted(n):
+    return 2 * n
+
+
+@pytest.mark.parametrize("kind", [np.float32, np.float64])
+def test_literals_and_constants_have_the_precision(kind: Any) -> None:
+    variant = Variant(kind)
+    for made, x in ((variant(third), 1), (variant(halved), 1), (variant(filled(ended, end=third)), 1)):
+        assert type(made(kind(x))) is kind
+    assert variant(halved)(kind(3)) == kind(0.5) * (kind(THIRD) * kind(3))
+    assert np.finfo(np.float64).tiny == SMALLEST and Variant(kind)._within(SMALLEST) == np.finfo(kind).tiny
+
+
+def test_as_plain_python_it_is_the_function_that_stands_there() -> None:
+    assert halved(3.0) == Variant(np.float64)(halved)(3.0) == 0.5 * (THIRD * 3.0)
+    assert filled(ended, end=third)(3.0) == THIRD * 3.0 + 0.2
+
+
+def test_a_feature_is_a_constant_and_what_it_excludes_is_gone() -> None:
+    assert Variant(np.float64, plain, {"kind": HEAVY})(by_kind)(4.0) == 8
+    assert Variant(np.float64, plain, {"kind": 1, "light": True})(by_kind)(4.0) == 4
+    left = Variant(np.float64, plain, {"kind": HEAVY})(by_kind).__code__
+    assert "unknown" not in left.co_names and "light" not in left.co_names
+    with pytest.raises(AttributeError, match="kind is known inside a variant only"):
+        by_kind(1.0)
+
+
+def test_every_product_is_the_variants() -> None:
+    """In place of an assignment too, and in formulas that it calls; not of integers."""
+    calls: list[tuple[Any, Any]] = []
+
+    def product(a: Any, b: Any) -> Any:
+        calls.append((a, b))
+        return a * b
+
+    variant = Variant(np.float32, plain, product=product)
+    assert variant(halved)(np.float32(6)) == 1 and len(calls) == 2
+    assert variant(scaled)(np.float32(2)) == 12 and len(calls) == 4
+    assert variant(counted)(3) == 6 and len(calls) == 4
+
+
+def test_an_instruction_takes_the_place_of_a_formula() -> None:
+    assert Variant(np.float64, plain, instructions={"third": lambda x: 10 * x})(halved)(2.0) == 10
+
+
+def test_what_is_no_formula_is_refused() -> None:
+    with pytest.raises(TypeError, match=r"line \d+: 2 in a formula makes a float32 a float64; write 2.0"):
+        Variant(np.float32)(doubled)
+    with pytest.raises(TypeError, match=r"end\(x\) -> a number is open"):
+        ended(1.0)
+    with pytest.raises(AttributeError, match="ROOT is no formula"):
+        _ = plain_formulas(inspect.getmodule(third), np.float32).ROOT  # type: ignore[arg-type]
+
+
+def test_errors_point_at_the_line_of_the_file() -> None:
+    with pytest.raises(ZeroDivisionError) as found:
+        Variant(float)(quotient)(1.0, 0.0)
+    last = traceback.extract_tb(found.value.__traceback__)[-1]
+    assert last.filename == __file__ and last.line == "return a / b"
+
+
+@formula
+def quotient(a, b):
+    return a / b
+
+
+def test_a_module_offers_its_formulas_and_those_that_it_imports() -> None:
+    from softlab.model.formulas import springs
+
+    offered = plain_formulas(springs, np.float32)
+    assert isinstance(offered, Formulas) and offered.inverse_length(np.float32(4)) == 0.5
+    assert offered.spring_acceleration_2d is offered.spring_acceleration_2d
+
+
+def test_every_function_of_the_formulas_is_marked() -> None:
+    """A function without a mark would be called as plain Python by a kernel, which numba refuses late and at length."""
+    unmarked = []
+    for path in sorted((ROOT / "model" / "formulas").rglob("*.py")):
+        for node in ast.parse(path.read_text(encoding="utf-8")).body:
+            if isinstance(node, ast.FunctionDef) and not node.decorator_list and node.returns is None:
+                unmarked.append(f"{path.name}: {node.name}")
+    assert unmarked == []
+    assert is_formula(third) and is_formula(filled(ended, end=third)) and not is_formula(plain)
