@@ -4,8 +4,6 @@ cpu_backend/shape_matching/layout.py."""
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from softlab.cpu_backend.contact.arrays import ContactArrays, Contacts, PairRows
@@ -14,6 +12,7 @@ from softlab.cpu_backend.contact.particles_bounce import make_bounce_stage
 from softlab.cpu_backend.contact.particles_cells import AXES
 from softlab.cpu_backend.contact.particles_project import make_clear_stage, make_project_stage
 from softlab.cpu_backend.core.layout import aligned_zeros
+from softlab.model.base.types import Real
 from softlab.model.contact.particle_parameters import (
     G_SEARCH_RADIUS,
     MAX_NEIGHBOURS,
@@ -34,7 +33,7 @@ class ParticleContacts:
     """
 
     def __init__(
-        self, scene: Scene, real: Any, math: str, parts: frozenset[str], slots: np.ndarray, count: int, bands: int
+        self, scene: Scene, real: Real, math: str, parts: frozenset[str], slots: np.ndarray, count: int, bands: int
     ):
         assert scene.contact is not None
         self.real, self.bands, self.sweeps = real, bands, scene.contact.sweeps

@@ -155,12 +155,12 @@ def named(function: Callable, content: str) -> Callable:
 
 
 @cache
-def _region() -> Any:
+def _region() -> Callable:
     return Compiler("of every team", "exact").kernel(region)
 
 
 @cache
-def _empty_region() -> Any:
+def _empty_region() -> Callable:
     def region(n):
         total = 0
         for k in numba.prange(n):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
 from typing import Any
 
@@ -15,6 +15,7 @@ from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import Layout
 from softlab.cpu_backend.core.processor import processor_name
 from softlab.cpu_backend.core.threads import thread_count
+from softlab.model.base.types import Real
 from softlab.model.contact.cloth_parameters import pin_velocity
 from softlab.model.core.options import unknown_kernel
 from softlab.model.core.plan import Executor
@@ -27,7 +28,7 @@ WIDTH = 4  # numbers of a particle in space: x, y, z and, for positions, its wei
 
 
 @cache
-def make_first_diverged(real: Any, axes: int) -> Any:
+def make_first_diverged(real: Real, axes: int) -> Callable:
     """Compile first_diverged(state, bound, centre, columns_bad): per row the first bad column, not finite or farther
     than `bound` from `centre` (axes,) along an axis, or -1. No fast math: NaN must be detected."""
     compiler = Compiler(f"{axes}d_{np.dtype(real).name}", "exact")
@@ -50,7 +51,7 @@ def make_first_diverged(real: Any, axes: int) -> Any:
 
 
 @cache
-def make_first_diverged_of(real: Any, axes: int) -> Any:
+def make_first_diverged_of(real: Real, axes: int) -> Callable:
     """Compile first_diverged(position, velocity, slots, stride, bound, centre, bands, bad): per band the first bad
     particle, not finite or farther than `bound` from `centre` (axes,) along an axis, or -1. Coordinate `axis` of
     particle k is at slots[k] + axis * stride of both flat arrays. No fast math: NaN must be detected."""

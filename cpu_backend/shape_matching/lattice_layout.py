@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from softlab.cpu_backend.core.layout import aligned_zeros
 from softlab.cpu_backend.shape_matching.lattice_rows import LINE, SLICE, WINDOW
 from softlab.cpu_backend.shape_matching.motions import FRAME
 from softlab.model.assets.lattice import T_INVERSE, T_MASS, VALUES
+from softlab.model.base.types import Real
 from softlab.model.particles.body_set import BodySet
 from softlab.model.tables.method import Method
 
@@ -43,7 +44,7 @@ class Lattices:
     `rotation`: (4, clusters) flat; `frames`: as those of other clusters.
     """
 
-    def __init__(self, body_set: BodySet, slots: np.ndarray, count: int, bands: int, real: Any):
+    def __init__(self, body_set: BodySet, slots: np.ndarray, count: int, bands: int, real: Real):
         self.copies, self.real = body_set.lattices, real
         loose = min((one.first_cluster for one in self.copies), default=0)
         numbers, slices, pencils, tables = [], [], [], [np.zeros(0)]

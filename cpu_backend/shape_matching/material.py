@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from softlab.cpu_backend.shape_matching.arrays import Couples, Damping, Rebound, RigidMotion, Shapes
 from softlab.cpu_backend.shape_matching.layout import SCATTERED, Layout, clusters_of_particles, entries_of
 from softlab.cpu_backend.shape_matching.shapes import ENTRIES
 from softlab.model.assets.clusters import Clusters, whole_clusters
+from softlab.model.base.types import Real
 from softlab.model.formulas.shape_matching.couple import SPIN
 from softlab.model.formulas.shape_matching.deformation import SHAPE
 from softlab.model.formulas.shape_matching.pace import MOTION
@@ -28,7 +27,7 @@ class ClusterMaterial:
     the arrays that contacts change besides positions.
     """
 
-    def __init__(self, clusters: Clusters, every: Clusters, layout: Layout, parts: frozenset[str], real: Any):
+    def __init__(self, clusters: Clusters, every: Clusters, layout: Layout, parts: frozenset[str], real: Real):
         self._clusters, self._of_particle_entry = clusters, layout.of_particle_entry
         self.plastic = np.zeros(ENTRIES * clusters.count if "plastic" in parts else 0, real)
         self._shapes = np.zeros(SHAPE * clusters.count if shaping(parts) else 0, real)
@@ -61,7 +60,7 @@ class ClusterMaterial:
         if isinstance(steps.shapes, Shapes):
             self.view_steps = steps._replace(shapes=steps.shapes._replace(plastic_after=np.zeros_like(self.plastic)))
 
-    def _coupled(self, every: Clusters, layout: Layout, real: Any) -> Couples:
+    def _coupled(self, every: Clusters, layout: Layout, real: Real) -> Couples:
         """Return the arrays of `every` cluster that friction turns, windows of lattices included."""
         entries, (starts, owners, _), order = layout.arrays, layout.of_particle, layout.of_particle_entry
         if every.count > self._clusters.count:

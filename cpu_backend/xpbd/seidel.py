@@ -7,6 +7,7 @@ another: a team runs them (core/progress.py).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from typing import Any
 
@@ -28,11 +29,12 @@ from softlab.cpu_backend.xpbd.schedule import (
     PHASES,
 )
 from softlab.cpu_backend.xpbd.walk import make_walk
+from softlab.model.base.types import Real
 from softlab.model.position_based.plan import FAMILIES
 
 
 def make_links(
-    compiler: Compiler, real: Any, axes: int, parts: frozenset[str], classes: int, several: bool
+    compiler: Compiler, real: Real, axes: int, parts: frozenset[str], classes: int, several: bool
 ) -> list[Any]:
     """Make, for each of FAMILIES, f(i, later, sheet): its constraints that lead down from row i, or those along it."""
     rows = make_rows_of_kinds(compiler, real, axes, parts, several)
@@ -47,7 +49,7 @@ def make_links(
     ]
 
 
-def make_follow(compiler: Compiler, real: Any, axes: int, parts: frozenset[str], several: bool) -> Any:
+def make_follow(compiler: Compiler, real: Real, axes: int, parts: frozenset[str], several: bool) -> Callable:
     """Make follow(begin, end, is_first, is_last, step, substep, steps, sheet): the steps from `begin` to before `end`
     of a schedule, in an iteration that is a substep's first or last."""
     classes = classes_of(parts)
@@ -85,7 +87,7 @@ def make_follow(compiler: Compiler, real: Any, axes: int, parts: frozenset[str],
 
 
 @cache
-def make_seidel_advance(real: Any, math: str, axes: int, parts: frozenset[str], several: bool) -> Any:
+def make_seidel_advance(real: Real, math: str, axes: int, parts: frozenset[str], several: bool) -> Callable:
     """Compile advance(bands, steps, order, starts, bounds, natural, sheet): steps in place, `steps`: a Steps.
 
     `several`: true for more than one iteration. `order`, `starts`, `bounds`: the schedule; `natural`: of the sheet for

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from numba import cuda
@@ -20,6 +19,7 @@ from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.integers import make_clock
 from softlab.gpu_backend.core.quads import AXES, SIZE, load_quad, store_quad
 from softlab.gpu_backend.core.world import World
+from softlab.model.base.types import Real
 from softlab.model.contact.particle_parameters import (
     G_ACTIVE,
     G_DISTANCE,
@@ -38,7 +38,7 @@ from softlab.model.formulas.shape_matching import couple, rigid
 
 @cache
 def make_project(
-    real: Any,
+    real: Real,
     math: str,
     has_friction: bool,
     has_adhesion: bool,
@@ -252,7 +252,7 @@ def make_project(
 
 
 @cache
-def make_contact_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+def make_contact_ends(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Compile the kernels that end a substep: `finish`, `update_velocity` and `collide`.
 
     `finish(before, position, velocity, contact_record, record, bodies, integers, counter, place, substeps, substep)`:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numba import cuda
@@ -17,9 +17,16 @@ from numba import cuda
 from softlab.gpu_backend.core.device import simulated
 from softlab.model.base.digest import content_digest, file_name
 from softlab.model.base.kernel_cache import NamedByContent, NotifyingCache, Place, attach_cache
+from softlab.model.base.types import Real
 
 
-def variant_name(real: Any, *words: object) -> str:
+class Kernel(Protocol):
+    """A compiled kernel: `kernel[blocks, threads, stream, bytes of shared memory](*arguments)`."""
+
+    def __getitem__(self, launch: tuple) -> Callable[..., None]: ...
+
+
+def variant_name(real: Real, *words: object) -> str:
     """Return a unique name of a kernel's variant, valid as a symbol. Sets are sorted."""
     parts = [np.dtype(real).name]
     for word in words:

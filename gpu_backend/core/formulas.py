@@ -24,6 +24,7 @@ import numpy as np
 from numba import cuda
 
 from softlab.gpu_backend.core.device import simulated
+from softlab.model.base.types import Real
 
 
 class _RoundProducts(ast.NodeTransformer):
@@ -58,7 +59,7 @@ class _ReplaceFunctions(ast.NodeTransformer):
         return node
 
 
-def _instructions(real: Any, math: str, options: dict[str, Any]) -> dict[str, Callable]:
+def _instructions(real: Real, math: str, options: dict[str, Any]) -> dict[str, Callable]:
     if simulated():
         return {"_product": operator.mul} if math == "exact" else {}
     from numba.cuda import libdevice
@@ -69,7 +70,7 @@ def _instructions(real: Any, math: str, options: dict[str, Any]) -> dict[str, Ca
     return _fast_instructions(real, options)
 
 
-def _fast_instructions(real: Any, options: dict[str, Any]) -> dict[str, Callable]:
+def _fast_instructions(real: Real, options: dict[str, Any]) -> dict[str, Callable]:
     """Return the replacements for `fast` math: without a branch and, in float64, without a quotient.
 
     float64 has an approximate root of 20 bits only; with e = 1 - s y^2, 1 / sqrt(s) = y (1 - e)^(-1/2) = y (1 + e/2 + 3
@@ -117,7 +118,7 @@ def _fast_instructions(real: Any, options: dict[str, Any]) -> dict[str, Callable
     }
 
 
-def _rewritten(make: FunctionType, real: Any, math: str, options: dict[str, Any]) -> Callable:
+def _rewritten(make: FunctionType, real: Real, math: str, options: dict[str, Any]) -> Callable:
     """Return the factory `make` with its source transformed for `math`; factories it calls are transformed as well."""
     instructions = _instructions(real, math, options)
     namespace = dict(vars(sys.modules[make.__module__])) | instructions
@@ -165,7 +166,7 @@ def _is_factory(value: Any) -> bool:
     return here and value.__code__.co_varnames[:1] == ("real",)
 
 
-def device_formulas(make: Any, real: Any, math: str, **flags: int) -> Any:
+def device_formulas(make: Any, real: Real, math: str, **flags: int) -> Any:
     """Return `make(real, compiled, **flags)`, compiled as device functions for `math`."""
     options = {"fastmath": math == "fast"}
     return _rewritten(make, real, math, options)(real, cuda.jit(device=True, **options), **flags)

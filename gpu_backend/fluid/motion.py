@@ -27,6 +27,7 @@ from softlab.gpu_backend.fluid.kernels import make_move, walk_options
 from softlab.gpu_backend.fluid.sort_kernels import make_box
 from softlab.gpu_backend.fluid.sums import List, make_row
 from softlab.gpu_backend.fluid.walls import make_settled
+from softlab.model.base.types import Real
 from softlab.model.fluid.parameters import (
     F_BUOYANCY,
     F_CHANGE,
@@ -42,7 +43,7 @@ SLOWED = 1  # index in `counts`
 
 
 @cache
-def make_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+def make_ends(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Make `answered` and `limited`.
 
     `answered(b, u, x, y, z, multiplier, fluids, at, world, number)` -> (x, y, z, vx, vy, vz): a particle that moved
@@ -95,7 +96,7 @@ def make_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
 
 
 @cache
-def make_begin(real: Any, math: str, parts: frozenset[str], repeats: frozenset[str]) -> Any:
+def make_begin(real: Real, math: str, parts: frozenset[str], repeats: frozenset[str]) -> Any:
     """Compile begin(position, velocity, particle, limit, record, fluids, bodies, integers, counter, place, substeps,
     substep, predicted, before, predicted_velocity, boxes, counts).
 
@@ -163,7 +164,7 @@ def make_begin(real: Any, math: str, parts: frozenset[str], repeats: frozenset[s
 
 
 @cache
-def make_settle(real: Any, math: str, parts: frozenset[str], repeats: frozenset[str]) -> SimpleNamespace:
+def make_settle(real: Real, math: str, parts: frozenset[str], repeats: frozenset[str]) -> SimpleNamespace:
     """Compile `settle`, `update` and `limit`.
 
     `settle(before, predicted_velocity, position, record, table, neighbour_counts, multipliers, constraints, gradients,

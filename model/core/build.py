@@ -13,7 +13,7 @@ from softlab.model.geometry.arithmetic.functions import cosine, sine
 from softlab.model.geometry.particle_row import PARKED
 from softlab.model.geometry.sheets import sheet_positions
 from softlab.model.geometry.topology import mesh_of, pinned_vertices
-from softlab.model.particles.particle_set import ParticleSet
+from softlab.model.particles.particle_set import Particles, ParticleSet
 from softlab.model.scene.scene import Scene
 from softlab.model.tables.cloth import Cloth, Fold
 from softlab.model.tables.flow import spatial
@@ -60,10 +60,7 @@ def sheet_name(scene: Scene) -> str:
     return scene.name_of(*SHEETS, default="bodies")
 
 
-Sheet = Grid | ParticleSet
-
-
-def pinned_indices(grid: Sheet) -> np.ndarray:
+def pinned_indices(grid: Particles) -> np.ndarray:
     """Return the sorted flat indices (row * columns + column) of the masses in `grid.pinned`."""
     if isinstance(grid, ParticleSet):
         return grid.pinned_vertices
@@ -72,7 +69,7 @@ def pinned_indices(grid: Sheet) -> np.ndarray:
     return pin_indices(grid.pinned, grid.rows, grid.columns)
 
 
-def rest_positions(grid: Sheet) -> np.ndarray:
+def rest_positions(grid: Particles) -> np.ndarray:
     """Return the rest positions, (particles, dimensions) float64 [m]: (column * spacing, -row * spacing), row-major.
 
     A cloth's start at its origin: in z = const where it hangs, along +z instead of -y where it lies. A mesh has those

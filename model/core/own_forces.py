@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from softlab.model.base.types import Real
 from softlab.model.core.plan import Plan
 from softlab.model.formulas import distance, random
 from softlab.model.scene.scene import Scene
@@ -48,7 +49,7 @@ class OwnForce:
     changes: bool = False
 
 
-def _external(real: Any, compiled: Any, formulas_of: FormulasOf, axes: int) -> Any:
+def _external(real: Real, compiled: Callable, formulas_of: FormulasOf, axes: int) -> Callable:
     """Make the random force: uniform in (-1, 1) per axis times the magnitude; see model/formulas/random.py."""
     philox, external, zero = random.make_philox(compiled), formulas_of(random.make).add_external, real(0)
 
@@ -63,7 +64,7 @@ def _external(real: Any, compiled: Any, formulas_of: FormulasOf, axes: int) -> A
     return force
 
 
-def _poke(real: Any, compiled: Any, formulas_of: FormulasOf, axes: int) -> Any:
+def _poke(real: Real, compiled: Callable, formulas_of: FormulasOf, axes: int) -> Callable:
     """Make the force that acts on one particle until it is released."""
     zero = real(0)
 
@@ -138,7 +139,7 @@ def particle_forces_change(parts: frozenset[str]) -> bool:
     return any(force.changes for force in particle_forces(parts))
 
 
-def make_add(compiled: Any, formulas_of: FormulasOf, axes: int, parts: frozenset[str]) -> Any:
+def make_add(compiled: Callable, formulas_of: FormulasOf, axes: int, parts: frozenset[str]) -> Callable:
     """Make add(a, weight, f) -> the sum of the acceleration `a` and `f` [m/s^2] (`axes` numbers each).
 
     f is multiplied by the `weight` where the scene has a `load`.
@@ -158,7 +159,9 @@ def make_add(compiled: Any, formulas_of: FormulasOf, axes: int, parts: frozenset
     return add
 
 
-def make_particle_forces(real: Any, compiled: Any, formulas_of: FormulasOf, axes: int, parts: frozenset[str]) -> Any:
+def make_particle_forces(
+    real: Real, compiled: Callable, formulas_of: FormulasOf, axes: int, parts: frozenset[str]
+) -> Any:
     """Make accelerate(a, k, weight, parameters, integers, step) -> the acceleration `a` of particle k plus these forces.
 
     `a`: `axes` numbers [m/s^2]. `weight`: the sheet's mass over the particle's, where the scene has a `load`.
@@ -175,7 +178,7 @@ def make_particle_forces(real: Any, compiled: Any, formulas_of: FormulasOf, axes
     return _counted_in_sheet(accelerate, compiled) if WINDOW in parts else accelerate
 
 
-def _counted_in_sheet(accelerate: Any, compiled: Any) -> Any:
+def _counted_in_sheet(accelerate: Any, compiled: Callable) -> Callable:
     """Make `accelerate` for particles that are numbered in a window."""
 
     @compiled
@@ -195,7 +198,7 @@ def in_window(plan: Plan, first_particle: int | None) -> Plan:
     return replace(plan, parts=plan.parts | {WINDOW})
 
 
-def _then(before: Any, force: Any, add: Any, compiled: Any) -> Any:
+def _then(before: Any, force: Any, add: Any, compiled: Callable) -> Callable:
     @compiled
     def accelerate(a, k, weight, parameters, integers, step):
         return add(before(a, k, weight, parameters, integers, step), weight, force(k, parameters, integers, step))

@@ -7,13 +7,14 @@ from typing import Any
 import numpy as np
 
 from softlab.model.base.errors import InputError
+from softlab.model.base.types import Real
 from softlab.model.core.family import STRAIN, Field, counter, fault, on_host
 from softlab.model.fluid.measure import pressures
 from softlab.model.scene.scene import Scene
 from softlab.model.tables.flow import initial_emitter_state
 
 
-def _check_taps(scene: Scene, taps: Any, real: Any) -> np.ndarray:
+def _check_taps(scene: Scene, taps: Any, real: Real) -> np.ndarray:
     """Return emitter states, (emitters, 2) float64."""
     array, shape = np.array(taps, np.float64), (len(scene.emitters), 2)
     if array.shape != shape or not np.isfinite(array).all():

@@ -7,10 +7,9 @@ below it.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from softlab.model.base.types import Real
 from softlab.model.base.waiting import work
 from softlab.model.formulas.triangle_tree import CORNERS, NODE
 from softlab.model.geometry.lists import offsets_of, ranges
@@ -46,7 +45,7 @@ def order_of(corners: np.ndarray) -> np.ndarray:
     return order
 
 
-def tree_numbers(corners: np.ndarray, real: Any) -> np.ndarray:
+def tree_numbers(corners: np.ndarray, real: Real) -> np.ndarray:
     """Return (NODE (2 n - 1) + CORNERS n,) in the arithmetic `real`: the tree of triangles (n, 3, 3), in their
     `order_of`."""
     count = len(corners)

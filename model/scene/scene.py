@@ -15,6 +15,7 @@ from typing import Any
 from softlab.model.base.clock import UNSEEN
 from softlab.model.base.errors import SceneError
 from softlab.model.base.words import suggestion
+from softlab.model.particles.particle_set import ParticleSet
 from softlab.model.scene.checks.fit import check_fit
 from softlab.model.scene.checks.releases import check_releases, tables_without
 from softlab.model.scene.checks.solver import check_solver
@@ -94,7 +95,7 @@ class Scene(SceneParts):
         that this version does not know.
         """
         scene = cls.__new__(cls)
-        SceneParts.__init__(scene, tables, "scene", "scene")
+        SceneParts.__init__(scene, tables, "scene")
         return scene
 
     @property
@@ -139,7 +140,7 @@ class Scene(SceneParts):
         changed.derived = self.derived | {method: self.derived.get(method, frozenset()) - fields.keys()}
         return changed
 
-    def with_particles(self, attribute: str, particles: Any) -> Scene:
+    def with_particles(self, attribute: str, particles: ParticleSet) -> Scene:
         """Return this scene with other `particles` in place of those of its `attribute` (`body_set`, ...), all its bodies.
 
         The rest is the same, the mass unit included, and nothing is validated again.

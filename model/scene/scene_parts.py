@@ -9,7 +9,7 @@ import json
 import re
 from collections.abc import Collection, Mapping
 from functools import cached_property
-from typing import Any
+from typing import Any, Self
 
 from pydantic import ValidationError
 
@@ -18,6 +18,7 @@ from softlab.model.base.table import Part
 from softlab.model.base.words import scene_error, suggestion
 from softlab.model.particles.body_set import BodySet, Copy, make_body_set
 from softlab.model.particles.fluid_set import FluidSet, make_fluid_set
+from softlab.model.particles.particle_set import Particles
 from softlab.model.particles.tetrahedra_set import TetrahedraSet, make_tetrahedra_set
 from softlab.model.particles.world_set import WorldSet, make_world_set
 from softlab.model.scene.members import member_tables, members_of
@@ -86,8 +87,8 @@ class SceneParts:
     Raises SceneError for a table that is not a valid part.
     """
 
-    def __init__(self, tables: Mapping[str, Any], name: str, title: str):
-        self.name, self.title = name, title
+    def __init__(self, tables: Mapping[str, Any], name: str, title: str | None = None):
+        self.name, self.title = name, name if title is None else title
         self.derived: dict[str, frozenset[str]] = {}  # fields by part that the tables do not state
         self._read(tables)
 
@@ -167,17 +168,18 @@ class SceneParts:
                 raise SceneError(f"{name}.kind", kind, why)
 
     @cached_property
-    def grid(self) -> Grid:
+    def grid(self) -> Particles:
         """The particle set of the scene: a grid; a cloth, also of triangles; the body set; the set of tetrahedra and a
-        cloth beside them; the set of fluids; in a world all particles. Sets without rows look like a sheet of one row.
+        cloth beside them; the set of fluids; in a world all particles.
         """
         if self.is_world:
-            return self.world_set  # type: ignore[return-value]
+            return self.world_set
         if self.tetrahedra:
-            return self.tetrahedra_set  # type: ignore[return-value]
+            return self.tetrahedra_set
         if self.fluids:
-            return self.fluid_set  # type: ignore[return-value]
-        return self.cloth or self.one("grid") or self.body_set  # type: ignore[return-value]
+            return self.fluid_set
+        sheet: Grid | None = self.cloth or self.one("grid")
+        return sheet or self.body_set
 
     @cached_property
     def is_world(self) -> bool:
@@ -193,7 +195,7 @@ class SceneParts:
         return next((name for name, particles in contents.items() if particles), "sheet")
 
     @cached_property
-    def members(self) -> dict[str, Any]:
+    def members(self) -> dict[str, Self]:
         """Scenes of each family's parts in a world, by the names in model/scene/members.py, in the order of its
         particles; empty for any other scene. Raises SceneError."""
         if not self.is_world:
@@ -202,7 +204,7 @@ class SceneParts:
         for name, part in self.all_of("fluid").items():
             tables[name]["support"] = part.support  # among bodies derived, which its member has none of
         tables = member_tables(self.kinds, tables, self.method)
-        return {name: type(self)(direct_parts, self.name) for name, direct_parts in tables.items()}  # type: ignore[call-arg]
+        return {name: type(self)(direct_parts, self.name) for name, direct_parts in tables.items()}
 
     @cached_property
     def world_set(self) -> WorldSet:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from softlab.model.base.clock import START, Clock
+from softlab.model.base.types import Real
 from softlab.model.contact.attachments import KIND, stored
 from softlab.model.contact.substep_parameters import XPBD_FIELDS, xpbd_values
 from softlab.model.core.family import Arrays, SolverFamily
@@ -26,7 +25,7 @@ from softlab.model.tetrahedra.partitions import tetrahedra_partitions
 
 
 def tetrahedra_record(
-    scene: Scene, real: Any, poke: tuple[float, ...] = (0.0, 0.0, 0.0), clock: Clock = START
+    scene: Scene, real: Real, poke: tuple[float, ...] = (0.0, 0.0, 0.0), clock: Clock = START
 ) -> np.ndarray:
     """Return CONSTANTS, then those of every position-based solver, (1,). Compliances [1/J] are in units of h^2 over the
     mean mass."""

@@ -7,11 +7,10 @@ the rows that kernels read for motions (model/contact/cloth_parameters.py); in l
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from softlab.model.base.errors import SceneError
+from softlab.model.base.types import Real
 from softlab.model.contact.cloth_parameters import (
     M_DURATION,
     M_START,
@@ -41,7 +40,7 @@ class Targets:
     pins with targets; `resting`, `wanted` (pins, 3) float64 [m]: previous positions, and those at the end of `step`.
     """
 
-    def __init__(self, scene: Scene, body: Body, real: Any):
+    def __init__(self, scene: Scene, body: Body, real: Real):
         colliders, motions = collider_numbers(scene, real), motion_rows(scene, real)
         pins = pin_rows(scene, body, real, colliders.size)
         self.settable, count = pins[:, P_MOTION] < 0, len(pins)

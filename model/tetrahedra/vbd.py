@@ -11,11 +11,11 @@ position-based ones keep 26.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from softlab.model.base.clock import START, Clock
+from softlab.model.base.types import Real
 from softlab.model.contact.substep_parameters import XPBD_FIELDS, xpbd_values
 from softlab.model.core.parameters import rounded_record
 from softlab.model.core.stability.projection import with_limit
@@ -27,7 +27,7 @@ from softlab.model.tetrahedra.family import TETRAHEDRA
 from softlab.model.tetrahedra.newton import CONSTANTS
 
 
-def vbd_record(scene: Scene, real: Any, poke: tuple[float, ...] = (0.0, 0.0, 0.0), clock: Clock = START) -> np.ndarray:
+def vbd_record(scene: Scene, real: Real, poke: tuple[float, ...] = (0.0, 0.0, 0.0), clock: Clock = START) -> np.ndarray:
     """Return SCALE, h^2 over the mean mass, by which stiffnesses times volumes [J] are multiplied, then the constants
     of every position-based solver, (1,)."""
     h = scene.method.dt / scene.method.substeps

@@ -12,10 +12,11 @@ from typing import Any
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import block_of
+from softlab.model.base.types import Real
 
 
 def make_alternating_rows(
-    compiler: Compiler, real: Any, spring_acceleration_2d: Any, sum_accelerations: Any, with_gravity: Any
+    compiler: Compiler, real: Real, spring_acceleration_2d: Any, sum_accelerations: Any, with_gravity: Any
 ) -> SimpleNamespace:
     """Make `spring_constants`, `pull_from_below`, `sum_row` from the functions of mass_spring/grid/rows.py."""
     block = block_of(real)
