@@ -6,6 +6,7 @@ copies of others while it moves. So positions stay in their buffer, and a partic
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
 
@@ -234,12 +235,13 @@ def make_project(
             for s in range(np.int32(min(neighbour_counts[i], most))):
                 pressed[s * particles + i] = zero
 
+    project: Callable
     if has_couples:
         project = project_all if has_rigid else project_coupled
     else:
         project = project_rigid if has_rigid else project_soft
     project.__name__ = "project"
-    words = (
+    words: tuple[str, ...] = (
         "friction" * has_friction,
         "adhesion" * has_adhesion,
         f"own{self_contact:d}",

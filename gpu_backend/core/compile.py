@@ -73,7 +73,7 @@ def _kernel_cache() -> Any:
     from numba.cuda.dispatcher import CUDACache, CUDACacheImpl
 
     class KernelFiles(NamedByContent, CUDACacheImpl):
-        _locator_classes = [Place]  # type: ignore[list-item]  # noqa: RUF012
+        _locator_classes = [Place]  # noqa: RUF012
 
     class KernelCache(NotifyingCache, CUDACache):
         _impl_class = KernelFiles

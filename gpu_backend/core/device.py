@@ -20,6 +20,8 @@ class Stream(Protocol):
 
     handle: int
 
+    def __int__(self) -> int: ...
+
     def synchronize(self) -> None: ...
 
 

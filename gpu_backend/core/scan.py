@@ -21,7 +21,7 @@ CHUNK = 32 if simulated() else 512  # numbers per block; the simulator runs each
 
 
 @cache
-def make_before(threads: int) -> Callable:
+def make_before(threads: int | np.int32) -> Callable:
     """Make before(value): the sum over the block's threads before this one.
 
     Every thread of a block of `threads`, a power of two, must call it.

@@ -48,7 +48,7 @@ class CudaSimulation(Simulation):
     stored_position: DeviceArray
     stored_velocity: DeviceArray
     integers: DeviceArray
-    stream: Stream
+    stream: Any  # a Stream, once the simulation has started
     _integers: np.ndarray
     _counter: DeviceArray
     _counts: bool
@@ -58,7 +58,7 @@ class CudaSimulation(Simulation):
     _tools: SimpleNamespace
     _executor: Executor
     _graphs: Graphs | None = None
-    _normals: DeviceArray | None = None
+    _normals: Any = None
 
     def __init__(self, scene: Scene, options: Options, stream: Stream | None = None):
         """Open the simulation. `stream`: of a world whose members run on one; None: a new one."""

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from softlab.gpu_backend.core.device import DeviceArray
 
 
@@ -13,13 +15,13 @@ class World(NamedTuple):
 
     parameters: Any
     colliders: DeviceArray
-    integers: DeviceArray
+    integers: DeviceArray | None
 
 
 class Cell(NamedTuple):
     """Position of a mass in its sheet: row `i` of `rows` and column `j` of `columns`."""
 
-    i: int
-    j: int
-    rows: int
-    columns: int
+    i: np.int32
+    j: np.int32
+    rows: np.int32
+    columns: np.int32

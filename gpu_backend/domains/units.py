@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from softlab.gpu_backend.core.device import DeviceArray, simulated
+from softlab.gpu_backend.core.device import simulated
 from softlab.gpu_backend.core.quads import SIZE
 from softlab.gpu_backend.domains.kernels import unit_of
 
 
-def _address(array: DeviceArray) -> int:
+def _address(array: Any) -> int:
     return int(array.ctypes.data if simulated() else array.__cuda_array_interface__["data"][0])
 
 

@@ -28,7 +28,7 @@ class List(NamedTuple):
     """The list of one particle: neighbour s of `count` is at index k + s * particles of `table`."""
 
     table: DeviceArray
-    count: int
+    count: Any  # as a number it would hide the tuple's method
     particles: int
 
 

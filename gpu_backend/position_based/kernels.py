@@ -81,7 +81,9 @@ def make_begin(real: Real, math: str, parts: frozenset[str], axes: int) -> Kerne
 
 
 @cache
-def make_colour(real: Real, math: str, parts: frozenset[str], family: Family, colour: int, axes: int) -> Kernel:
+def make_colour(
+    real: Real, math: str, parts: frozenset[str], family: Family, colour: int | np.int32, axes: int
+) -> Kernel:
     """Compile project(position, before, multipliers, plane, fresh, record, rows, columns): all constraints of a colour.
 
     `plane`: the number of the family's plane of multipliers, which count as 0 if `fresh`, in a substep's first

@@ -1,5 +1,3 @@
 """Types that factories of formulas and kernels take."""
 
-import numpy as np
-
-Real = type[np.floating]  # the numpy type of a precision
+Real = type  # of a precision: np.float32 or np.float64

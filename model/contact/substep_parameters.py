@@ -13,6 +13,7 @@ import numpy as np
 from softlab.model.assets.clusters import matching_factor
 from softlab.model.base.clock import START, Clock
 from softlab.model.base.tuples import reader
+from softlab.model.base.types import Real
 from softlab.model.contact.cloth_parameters import CLOTH_PARAMETERS, FIELDS, REST_LENGTHS, cloth_values
 from softlab.model.core.integrators import damping_rate
 from softlab.model.core.parameters import rounded_record
@@ -82,7 +83,7 @@ def constants_of(record: np.ndarray, kind: str) -> Any:
 
 
 def xpbd_record(
-    scene: Scene, real: type, poke: tuple[float, ...] = (0.0, 0.0, 0.0), clock: Clock = START
+    scene: Scene, real: Real, poke: tuple[float, ...] = (0.0, 0.0, 0.0), clock: Clock = START
 ) -> np.ndarray:
     """Return XPBD_PARAMETERS in the arithmetic `real`, (1,): computed in float64, rounded once. Raises SceneError.
 

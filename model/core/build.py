@@ -19,7 +19,6 @@ from softlab.model.tables.cloth import Cloth, Fold
 from softlab.model.tables.flow import spatial
 from softlab.model.tables.kinds import SHEETS
 from softlab.model.tables.mesh import Mesh
-from softlab.model.tables.parts import Grid
 from softlab.model.tables.self_collision import CONTACT_BYTES
 
 MASS_BYTES = 160  # host memory per mass: position, velocity and inverse mass in float64, two solver states, a snapshot
@@ -100,7 +99,7 @@ def folded_positions(cloth: Cloth, fold: Fold) -> np.ndarray:
     return position.reshape(-1, 3)
 
 
-def wave(grid: Grid, amplitude: float) -> np.ndarray:
+def wave(grid: Particles, amplitude: float) -> np.ndarray:
     """Return the displacements amplitude * [sin(1.7 i + 0.9 j), cos(0.6 i - 1.3 j)], (particles,
     dimensions) [m].
 

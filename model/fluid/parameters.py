@@ -7,6 +7,7 @@ from math import floor, prod
 import numpy as np
 
 from softlab.model.base.clock import START, Clock
+from softlab.model.base.types import Real
 from softlab.model.core.own_forces import force_fields, force_names, force_values
 from softlab.model.core.parameters import rounded_record
 from softlab.model.particles.fluid_set import FluidSet
@@ -80,7 +81,7 @@ def highest_viscosity(scene: Scene, part: Fluid) -> float:
 
 
 def fluid_record(
-    scene: Scene, real: type, poke: tuple[float, ...] = (0.0, 0.0, 0.0), clock: Clock = START
+    scene: Scene, real: Real, poke: tuple[float, ...] = (0.0, 0.0, 0.0), clock: Clock = START
 ) -> np.ndarray:
     """Return the constants of forces on single particles, then FLUID_PARAMETERS, (1,), in the arithmetic `real`.
 
@@ -134,7 +135,7 @@ def _box(scene: Scene) -> dict[str, float]:
     return values
 
 
-def fluid_rows(scene: Scene, real: type, solids: bool = False) -> np.ndarray:
+def fluid_rows(scene: Scene, real: Real, solids: bool = False) -> np.ndarray:
     """Return the rows of fluids, (fluids, FLUID_FIELDS), in the arithmetic `real`, in the order of the scene.
 
     With `solids` there is one more, of their samples, which have no effect of their own.

@@ -16,7 +16,7 @@ from softlab.model.base.clock import UNSEEN
 from softlab.model.base.errors import SceneError
 from softlab.model.base.words import suggestion
 from softlab.model.particles.particle_set import ParticleSet
-from softlab.model.scene.checks.fit import check_fit
+from softlab.model.scene.checks.fit import check_fit, check_members
 from softlab.model.scene.checks.releases import check_releases, tables_without
 from softlab.model.scene.checks.solver import check_solver
 from softlab.model.scene.defaults import take_method_defaults
@@ -79,8 +79,8 @@ class Scene(SceneParts):
         take_method_defaults(self)
         check_fit(self)
         check_solver(self)
-        if not self.is_world:
-            take_resting_defaults(self)
+        take_resting_defaults(self)
+        check_members(self)
         if self.camera is not None:
             self.camera.check(self.dimensions)
         for tank_name, tank in self.tanks.items():

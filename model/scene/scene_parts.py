@@ -181,6 +181,12 @@ class SceneParts:
         sheet: Grid | None = self.cloth or self.one("grid")
         return sheet or self.body_set
 
+    @property
+    def sheet(self) -> Grid:
+        """The grid, cloth or mesh of a scene that has one."""
+        assert isinstance(self.grid, Grid)
+        return self.grid
+
     @cached_property
     def is_world(self) -> bool:
         """True if the scene's parts belong to several families of particles. The parts are then those of its `members`,

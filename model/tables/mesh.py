@@ -8,6 +8,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from pydantic import field_validator, model_validator
 
+from softlab.model.base.pins import checked_pins
 from softlab.model.base.table import Count, Part, Positive
 from softlab.model.geometry.normals import mesh_normals
 from softlab.model.geometry.topology import describe, mesh_of, vertex_masses
@@ -65,7 +66,7 @@ class Mesh(Cloth):
     @classmethod
     def _pinned_is_a_word_or_a_list(cls, value: object) -> object:
         numbers = isinstance(value, list | tuple) and all(type(k) is int for k in value)
-        return list(value) if numbers else Grid._pinned_is_a_word_or_a_list(value)  # type: ignore[call-overload]
+        return list(value) if numbers else checked_pins(value)
 
     @model_validator(mode="after")
     def _pins_lie_inside(self) -> Mesh:

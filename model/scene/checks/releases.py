@@ -37,7 +37,7 @@ def tables_without(scene: SceneParts, names: Iterable[str]) -> dict[str, Table]:
 
 def _let_go(scene: SceneParts, tables: dict[str, Table], name: str) -> None:
     """Take the pins of the release `name` out of the `tables`."""
-    release: Release = scene.parts[name]  # type: ignore[assignment]
+    release: Release = scene.all_of(RELEASE)[name]
     holders = scene.all_of(*SHEETS, *TETRAHEDRAL_KINDS)
     if release.body not in (None, *holders):
         known = f"must be one of {', '.join(holders)}{suggestion(str(release.body), holders)}"
