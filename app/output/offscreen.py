@@ -67,7 +67,7 @@ class OffscreenRenderer:
         self._window = open_window(True, width, height)
         try:
             self.renderer = renderer_name()
-            self._view: Any = view_of(scene)
+            self._view = view_of(scene)
             if lines and not self._view.lines:
                 self._view.toggle_lines()
             if view_options:

@@ -10,6 +10,7 @@ import numpy as np
 from softlab.app.presentation import presentation_of
 from softlab.app.render import colours
 from softlab.app.render.panels import FONTS, rgba
+from softlab.app.render.view import View
 from softlab.model.core.build import pinned_indices
 from softlab.model.scene.scene import Scene
 
@@ -138,11 +139,11 @@ class Legends:
             Legend(len(pinned_indices(scene.grid)) > 0, levels=True) if presentation_of(scene).levels else None
         )
 
-    def needed(self, view: Any) -> bool:
+    def needed(self, view: View) -> bool:
         """Return True if a legend belongs to what a view shows, or will show once it has a state."""
         return view.shows_levels or self._chosen(view) is not None or bool(view.name_legend())
 
-    def _chosen(self, view: Any) -> Legend | None:
+    def _chosen(self, view: View) -> Legend | None:
         if self._levels is not None and view.level_legend() is not None:
             return self._levels
         return self._strain if view.lines else None
@@ -155,7 +156,7 @@ class Legends:
         self._names.place(width, above)
         self._names.draw()
 
-    def draw(self, view: Any, width: int, strain_range: float) -> None:
+    def draw(self, view: View, width: int, strain_range: float) -> None:
         """Draw the legends of a view, if any, in a window `width` pixels wide."""
         chosen = self._chosen(view)
         self._draw_names(view.name_legend(), width, 0 if chosen is None else LEGEND_SPACE)

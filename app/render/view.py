@@ -12,6 +12,7 @@ also draws (app/render/cuda_vertices.py).
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -49,6 +50,15 @@ class View(ABC):
     shows_levels = False  # whether colours are levels, as soon as they are known
     colourings: tuple[str, ...] = ()  # what `next_colouring` goes through
     options: tuple[str, ...] = ("lines",)  # what can be shown or hidden, each an attribute that `toggle_NAME` changes
+    # Of views with other `options` or `colourings`, of bodies, and of families with `view_options`:
+    skin: bool
+    particles: bool
+    foam: bool
+    colouring: str
+    toggle_skin: Callable[[], bool | None]
+    next_colouring: Callable[[], None]
+    show_bodies: Callable[[np.ndarray | None], None]
+    set_view_options: Callable[[Sequence[str]], None]
 
     def __init__(self, scene: Scene, detail: Detail = FINE):
         self.scene, self.space = scene, scene.dimensions == 3

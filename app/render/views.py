@@ -11,11 +11,12 @@ from softlab.app.render.camera import Camera2D
 from softlab.app.render.camera3d import Camera3D
 from softlab.app.render.detail import FINE, usual_detail
 from softlab.app.render.opengl import renderer_name
+from softlab.app.render.view import View
 from softlab.model.base.errors import InputError
 from softlab.model.scene.scene import Scene
 
 
-def view_of(scene: Scene, quick: bool = False) -> Any:
+def view_of(scene: Scene, quick: bool = False) -> View:
     """Return a SheetView or, for bodies, a BodiesView or a TetrahedraView, for fluids a FluidView, for a world of these
     a WorldView, in the current OpenGL context. Raises BackendUnavailable.
 

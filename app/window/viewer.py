@@ -16,6 +16,7 @@ from softlab.app.render import colours
 from softlab.app.render.detail import by_software
 from softlab.app.render.opengl import load_pyglet, open_window, renderer_name
 from softlab.app.render.panels import EDGE
+from softlab.app.render.view import View
 from softlab.app.render.views import camera_of, view_of
 from softlab.app.window.compiling import Compiling
 from softlab.app.window.controls import Controls
@@ -49,7 +50,7 @@ class Viewer:
         self.shots = Shots(demo)
         try:
             self.window.set_minimum_size(480, 360)
-            self.views: list[Any] = [view_of(scene, quick=True) for scene in demo.scenes]
+            self.views: list[View] = [view_of(scene, quick=True) for scene in demo.scenes]
             self.drawn_by = ", by software" if by_software(renderer_name()) else ""
             self.view_options = ViewOptions(demo, self.views)
             self.overlay = Overlay(self)

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from types import SimpleNamespace
-from typing import Any
+from types import ModuleType, SimpleNamespace
 
 import numpy as np
 
@@ -134,7 +133,7 @@ def make_touches(compiler: Compiler, real: Real, parts: frozenset[str]) -> Simpl
     if "swept" in parts:
         touch_capsule, touch_box = make_swept(compiler, real, pushing)
 
-    def of_surface(topic: Any) -> Callable:
+    def of_surface(topic: ModuleType) -> Callable:
         """Make the swept test in the collider's own frame (model/formulas/frame.py)."""
         touch_at = topic.make(real, compiled, bounces, in_place).touch
 
@@ -211,7 +210,7 @@ def make_collide_mass(compiler: Compiler, real: Real, parts: frozenset[str]) -> 
     return collide_mass
 
 
-def make_touch_rows(compiler: Compiler, real: Real, parts: frozenset[str]) -> tuple[Any, ...]:
+def make_touch_rows(compiler: Compiler, real: Real, parts: frozenset[str]) -> tuple[Callable, ...]:
     """Make, by kind, touch_row(blocks, body, begin, end, slow, ax, ay, az, x, y, z, vx, vy, vz): a row."""
     touches, block = make_touches(compiler, real, parts), block_of(real)
 

@@ -37,13 +37,14 @@ class ParticleContacts:
     ):
         assert scene.contact is not None
         self.real, self.bands, self.sweeps = real, bands, scene.contact.sweeps
+        rest: np.ndarray
         body, kind, rest = np.zeros(count, np.int32), np.zeros(count, np.int32), np.zeros(AXES * count, real)
         body[slots], kind[slots] = scene.body_set.body, kinds_of_particles(scene)
         rest.reshape(AXES, -1)[:, slots] = scene.body_set.position.T
         self.neighbours = Neighbours(real, math, body, kind, rest, len(scene.bodies), bands)
         acting = np.zeros(count * MAX_NEIGHBOURS, np.uint32)  # unsigned: no check for negative indices
         self._keeps = "rigid-motion" in parts
-        pressed = np.zeros(len(acting) if self._keeps else 0, real)
+        pressed: np.ndarray = np.zeros(len(acting) if self._keeps else 0, real)
         self._contacts = Contacts(acting, np.zeros(count, real), np.zeros(AXES * count, real), pressed)
         self.old = aligned_zeros(AXES * count if "contact-restitution" in parts else 0, real)
         variant = "contact-friction" in parts, "contact-adhesion" in parts, self._keeps, "couples" in parts

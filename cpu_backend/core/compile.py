@@ -66,18 +66,18 @@ class Compiler:
         # They allocate nothing, so no reference counting is needed.
         self._inner: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "_nrt": False}
 
-    def compiled(self, function: Callable) -> Any:
+    def compiled(self, function: Callable) -> Callable:
         return self._compiled_once(function)
 
-    def inlined(self, function: Callable) -> Any:
+    def inlined(self, function: Callable) -> Callable:
         """Compile as `compiled`, for functions with so many arguments that passing them costs more than a short row."""
         return self._compiled_once(function, inline=True)
 
-    def row(self, function: Callable) -> Any:
+    def row(self, function: Callable) -> Callable:
         """Compile a loop along rows. Its array arguments must not overlap, except for those that it only reads."""
         return self._compiled_once(function, pipeline_class=_RowPipeline)
 
-    def kernel(self, function: Callable, parallel: bool = True) -> Any:
+    def kernel(self, function: Callable, parallel: bool = True) -> Callable:
         """Compile a parallel kernel, cached on disk; without a writable folder it is compiled each time."""
         label = f"{function.__name__} {self.variant}"
         named(function, content_digest(function, self.options, _HOW))
@@ -85,7 +85,7 @@ class Compiler:
         attach_cache(dispatcher, _KernelCache, label)
         return dispatcher
 
-    def team(self, function: Callable) -> Any:
+    def team(self, function: Callable) -> Callable:
         """Compile a parallel kernel (bands, ...) of one region, in which every member runs `function` (team, member,
         bands, ...).
 
@@ -111,7 +111,7 @@ class Compiler:
 
         return kernel
 
-    def banded(self, function: Callable) -> Any:
+    def banded(self, function: Callable) -> Callable:
         """Compile a parallel kernel (bands, ...) that runs `function` (band, bands, ...) for all bands, in any
         order."""
         name, run, all_members = self._inside(function)
@@ -131,13 +131,15 @@ class Compiler:
 
         return kernel
 
-    def _inside(self, function: Any) -> tuple[str, Any, Any]:
+    def _inside(self, function: Callable) -> tuple[str, Callable, Callable]:
         """Return the components of a parallel kernel: name, function of a member or band, parallel region."""
         known = getattr(function, "softlab_content", None)
         name = function.__name__.removesuffix(f"_{known}")
         return name, function if known else self._compiled_once(function, BodyPipeline), _region()
 
-    def _compiled_once(self, function: Callable, pipeline_class: Any = LinkedPipeline, inline: bool = False) -> Any:
+    def _compiled_once(
+        self, function: Callable, pipeline_class: Any = LinkedPipeline, inline: bool = False
+    ) -> Callable:
         options: dict[str, Any] = {"forceinline": True} if inline else {}
         content = content_digest(function, self.options, options, pipeline_class.__name__, _HOW)
         if content not in _shared:

@@ -39,7 +39,7 @@ def set_arrays(constraint_set: ConstraintSet, projection: Projection, real: Real
 
 def no_sets(real: Real) -> tuple[SetArrays, ...]:
     """Return empty sets, for a scene without constraints."""
-    empty = np.zeros((0, 1), real)
+    empty: np.ndarray = np.zeros((0, 1), real)
     return ((np.zeros((0, 2), np.int32), empty, empty, np.zeros(1, np.int32)),)
 
 
@@ -175,7 +175,7 @@ def make_colours(compiler: Compiler, projects: Sequence[Any], runs: Sequence[int
     return sweep
 
 
-def _of_set(compiler: Compiler, number: int, project: Any, run: int, others: Any) -> Callable:
+def _of_set(compiler: Compiler, number: int, project: Callable, run: int, others: Callable) -> Callable:
     """Make the sweep of set `number`, followed by the `others`."""
     has_others = others is not None
 

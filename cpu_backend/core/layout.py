@@ -40,7 +40,7 @@ def block_of(real: Real) -> int:
 def aligned_zeros(count: int, real: Real) -> np.ndarray:
     """Return `count` zeros, aligned to a cache line."""
     item = np.dtype(real).itemsize
-    memory = np.zeros(count + LINE // item, real)
+    memory: np.ndarray = np.zeros(count + LINE // item, real)
     first = -memory.ctypes.data % LINE // item
     return memory[first : first + count]
 

@@ -15,7 +15,7 @@ from softlab.model.core.own_forces import WINDOW, OwnForce, make_particle_forces
 from softlab.model.core.plan import Moment, StageRun
 
 
-def make_particle_force(compiler: Compiler, real: Real, axes: int, parts: frozenset[str]) -> Any:
+def make_particle_force(compiler: Compiler, real: Real, axes: int, parts: frozenset[str]) -> Callable:
     """Make own(a, k, weight, parameters, integers, step) (model/core/own_forces.py)."""
     return make_particle_forces(real, compiler.compiled, lambda make: make(real, compiler.compiled), axes, parts)
 

@@ -67,9 +67,9 @@ def make_winds(
     real: Real,
     parts: frozenset[str],
     place: Any,
-    edge: Any,
-    forget: Any,
-    clear: Any,
+    edge: Callable,
+    forget: Callable,
+    clear: Callable,
     at: dict[str, int],
 ) -> SimpleNamespace:
     """Make `air_now`, `wind_cells` and `add_wind`.

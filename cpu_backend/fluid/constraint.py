@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
@@ -40,7 +39,7 @@ def make_sides_of(compiler: Compiler, real: Real, parts: frozenset[str]) -> Call
     return sides_of
 
 
-def make_search_phases(compiler: Compiler, real: Real, parts: frozenset[str], cells_in: Any) -> SimpleNamespace:
+def make_search_phases(compiler: Compiler, real: Real, parts: frozenset[str], cells_in: Callable) -> SimpleNamespace:
     """Make `find` and `prepare`, both (part, parts, number, world, parameters, fluids, bodies, kinds).
 
     `find` builds the neighbour lists and the factors. `prepare` also does the first `constrain`, which sums over the
@@ -53,7 +52,7 @@ def make_search_phases(compiler: Compiler, real: Real, parts: frozenset[str], ce
     )
 
 
-def _make_search(compiler: Compiler, real: Real, parts: frozenset[str], cells_in: Any) -> Callable:
+def _make_search(compiler: Compiler, real: Real, parts: frozenset[str], cells_in: Callable) -> Callable:
     """Make search(part, parts, world, parameters): it builds the neighbour lists of a band's slices."""
     find_some = make_find(compiler, real, parts, MAX_NEIGHBOURS[2 if "flat" in parts else 3])
     sides_of = make_sides_of(compiler, real, parts)
@@ -73,7 +72,9 @@ def _make_search(compiler: Compiler, real: Real, parts: frozenset[str], cells_in
     return search
 
 
-def _make_factors(compiler: Compiler, real: Real, parts: frozenset[str], search: Any, constrains: bool) -> Callable:
+def _make_factors(
+    compiler: Compiler, real: Real, parts: frozenset[str], search: Callable, constrains: bool
+) -> Callable:
     gradients, wall_rows = make_pairs(compiler, real, parts).gradients, make_wall_rows(compiler, real, parts)
     sides_of, instants = make_sides_of(compiler, real, parts), make_instants(compiler, real, parts)
     scratch_of, rows = make_scratch(compiler), make_rows(compiler, real, parts)

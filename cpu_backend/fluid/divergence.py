@@ -9,8 +9,8 @@ velocities are in the state, where they also end.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
@@ -30,7 +30,7 @@ from softlab.model.formulas.fluid import density, divergence, motion
 from softlab.model.tables.cloth import COLLIDER_KINDS
 
 
-def make_approach(compiler: Compiler, real: Real, parts: frozenset[str], sides_of: Any) -> SimpleNamespace:
+def make_approach(compiler: Compiler, real: Real, parts: frozenset[str], sides_of: Callable) -> SimpleNamespace:
     """Make `approach(s, many, world, parameters, vector, total)` and `rest_of(i, capacity, wall, vector, total)`."""
     compiled, approaches = compiler.compiled, make_approaches(compiler, real, parts)
     of_wall = divergence.make(real, compiled).approach_of_wall
@@ -69,7 +69,7 @@ def make_approach(compiler: Compiler, real: Real, parts: frozenset[str], sides_o
     return SimpleNamespace(approach=approach, rest_of=rest_of)
 
 
-def make_solve(compiler: Compiler, real: Real, parts: frozenset[str], sides_of: Any) -> SimpleNamespace:
+def make_solve(compiler: Compiler, real: Real, parts: frozenset[str], sides_of: Callable) -> SimpleNamespace:
     """Make `survey`, `foresee` and `relax`, phases over slices of LANES particles: (part, parts, ..., world, ...).
 
     `second` is true in the second solve.
@@ -166,7 +166,7 @@ def make_solve(compiler: Compiler, real: Real, parts: frozenset[str], sides_of: 
     return SimpleNamespace(survey=survey, foresee=foresee, relax=relax)
 
 
-def make_push(compiler: Compiler, real: Real, parts: frozenset[str], sides_of: Any) -> SimpleNamespace:
+def make_push(compiler: Compiler, real: Real, parts: frozenset[str], sides_of: Callable) -> SimpleNamespace:
     """Make `push(part, parts, turn, world, parameters, fluids)`: the phase of an iteration after `relax`."""
     compiled, f, scratch_of = compiler.compiled, density.make(real, compiler.compiled), make_scratch(compiler)
     wall_added, moved, corrections = f.wall_added, f.moved, make_pairs(compiler, real, parts).corrections

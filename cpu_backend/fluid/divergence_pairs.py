@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
@@ -80,7 +79,7 @@ def make_gather(compiler: Compiler, real: Real, parts: frozenset[str]) -> Callab
     return gather
 
 
-def make_accelerate(compiler: Compiler, real: Real, parts: frozenset[str], sides_of: Any) -> SimpleNamespace:
+def make_accelerate(compiler: Compiler, real: Real, parts: frozenset[str], sides_of: Callable) -> SimpleNamespace:
     """Make `accelerate`: it updates the velocities between the solves, one particle at a time."""
     compiled, m = compiler.compiled, motion.make(real, compiler.compiled)
     accelerated, buoyant, braked, speed_of, slowed = m.accelerated, m.buoyant, m.braked, m.speed_of, m.slowed

@@ -5,8 +5,8 @@ Active particles are first in the state's arrays. fluid/arrays.py describes the 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
@@ -140,7 +140,7 @@ def make_flow(compiler: Compiler, real: Real, parts: frozenset[str]) -> SimpleNa
     return SimpleNamespace(emit=emit, drain=drain, rest=rest, there_of=there_of)
 
 
-def make_flowing(compiler: Compiler, phases: SimpleNamespace, drains: bool) -> dict[str, Any]:
+def make_flowing(compiler: Compiler, phases: SimpleNamespace, drains: bool) -> dict[str, Callable]:
     """Make `emit(bands, number, world, parameters, flow)` and `sort(bands, world, parameters, flow)`, each by a team.
 
     `sort` handles the active particles and removes those in sinks.

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
@@ -23,7 +22,7 @@ from softlab.model.formulas.fluid import motion
 from softlab.model.tables.cloth import COLLIDER_KINDS
 
 
-def make_velocities(compiler: Compiler, real: Real, parts: frozenset[str], sides_of: Any) -> SimpleNamespace:
+def make_velocities(compiler: Compiler, real: Real, parts: frozenset[str], sides_of: Callable) -> SimpleNamespace:
     """Make `update`, `shape`, `finish`, phases (part, parts, ..., place, world, ...); `place` are the positions."""
     compiled, m = compiler.compiled, motion.make(real, compiler.compiled)
     speed_of, slowed, braked, around = m.speed_of, m.slowed, m.braked, make_smoothing(compiler, real, parts)

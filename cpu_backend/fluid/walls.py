@@ -4,7 +4,6 @@ range contributes zeros."""
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
@@ -69,7 +68,7 @@ def make_wall_rows(compiler: Compiler, real: Real, parts: frozenset[str]) -> Cal
     return wall_rows
 
 
-def make_aways(compiler: Compiler, real: Real, parts: frozenset[str]) -> dict[str, Any]:
+def make_aways(compiler: Compiler, real: Real, parts: frozenset[str]) -> dict[str, Callable]:
     """Make, by kind, away(body, time, reach, x, y, z) -> (distance, normal) of a position from a collider's surface.
 
     Colliders made from a mesh return `max_distance` where the surface is farther.
@@ -78,7 +77,7 @@ def make_aways(compiler: Compiler, real: Real, parts: frozenset[str]) -> dict[st
     plane, sphere, capsule, box = distances.plane, distances.sphere, distances.capsule, distances.box
     surface, point = surfaces.make(real, compiled), make_push(compiler, real, parts).point
 
-    def of_surface(away_from: Any) -> Callable:
+    def of_surface(away_from: Callable) -> Callable:
         @compiled
         def away(body, time, max_distance, x, y, z):
             path = (
@@ -123,7 +122,7 @@ def _make_rows(compiler: Compiler, real: Real, parts: frozenset[str]) -> Callabl
     beyond, wall_near, wall_density = formulas.beyond, formulas.wall_near, formulas.wall_density
     wall_slope, joined_density, joined_gradient = formulas.wall_slope, formulas.joined_density, formulas.joined_gradient
 
-    def row_of(away: Any) -> Callable:
+    def row_of(away: Callable) -> Callable:
         @compiler.row
         def row(body, time, support, inverse_range, scale, gradient, x, y, z, wall_part, gx, gy, gz):
             thickness = body[B_THICKNESS]

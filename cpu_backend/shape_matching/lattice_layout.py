@@ -71,10 +71,10 @@ class Lattices:
                 slices += [(n, first, z) for z in range(nz)]
                 pencils += [(n, first, cluster, low, min(low + rows, ny)) for low in range(0, ny, rows)]
         self.clusters = sum(one.copies * one.lattice.size for one in self.copies)
-        self.values = np.zeros(VALUES * len(self.copies), real)
-        self.rotation = np.zeros(QUATERNION * self.clusters, real)
+        self.values: np.ndarray = np.zeros(VALUES * len(self.copies), real)
+        self.rotation: np.ndarray = np.zeros(QUATERNION * self.clusters, real)
         self.view_rotation = np.zeros_like(self.rotation)
-        self.frames = np.zeros(FRAME * self.clusters, real)
+        self.frames: np.ndarray = np.zeros(FRAME * self.clusters, real)
         band_scratch = -(-band_scratch // 16) * 16
         self.arrays = LatticeArrays(
             np.array(numbers, np.int64).reshape(-1, NUMBERS), np.array(slices, np.int64).reshape(-1, 3),

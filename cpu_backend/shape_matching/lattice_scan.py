@@ -48,7 +48,9 @@ class GoalScan(NamedTuple):
     out: Rows
 
 
-def make_scan(compiler: Compiler, real: Real, planes: int, keeps_all: bool, term: Any, add: Any, end: Any) -> Callable:
+def make_scan(
+    compiler: Compiler, real: Real, planes: int, keeps_all: bool, term: Callable, add: Callable, end: Callable
+) -> Callable:
     """Make scan(n, length, region, positions, source, halves, sums, values): `length` rows of `n` masses, in groups of
     windows that contain a reference row b. `values`: MomentScan or GoalScan.
 
@@ -90,7 +92,7 @@ def make_scan(compiler: Compiler, real: Real, planes: int, keeps_all: bool, term
     return scan
 
 
-def make_moment_scan(compiler: Compiler, real: Real, turns: int, then: Any) -> Any:
+def make_moment_scan(compiler: Compiler, real: Real, turns: int, then: Callable) -> Callable:
     """Make the scan of moments, after `turns` axes. For each window it calls then(n, i, window, values.more)."""
     lever, moments = lattice.make(real, compiler.inlined).lever, make_moments(compiler, real, turns)
     end_row = moments.end
@@ -108,7 +110,7 @@ def make_moment_scan(compiler: Compiler, real: Real, turns: int, then: Any) -> A
     return make_scan(compiler, real, 3 * (turns + 2), True, term, moments.add, end)
 
 
-def make_goal_scan(compiler: Compiler, real: Real, rest: int) -> Any:
+def make_goal_scan(compiler: Compiler, real: Real, rest: int) -> Callable:
     """Make the scan of displacements to goals, before `rest` more axes."""
     lever, goals = lattice.make(real, compiler.inlined).lever, make_goals(compiler, real, rest)
     end_goals = goals.end_goals

@@ -6,7 +6,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
@@ -23,7 +22,7 @@ from softlab.model.formulas.shape_matching.cluster import LANES
 from softlab.model.formulas.shape_matching.pace import MOTION
 
 
-def make_response(compiler: Compiler, real: Real, has_contacts: bool = False) -> Any:
+def make_response(compiler: Compiler, real: Real, has_contacts: bool = False) -> SimpleNamespace:
     """Make respond(c, position, count, arrays, scratch): the rigid motion of cluster c that results from the impulses on
     its particles; none for a cluster that does not rebound as a whole.
 

@@ -47,8 +47,8 @@ class DescentArrays(NamedTuple):
 
 def descent_arrays(vertex_descent: Descent, real: Real, damped: bool, spring_set: Springs) -> DescentArrays:
     count = len(vertex_descent.corners) if damped else 0
-    strains = np.zeros((count, descent.STRAINS), real)
-    values = np.ascontiguousarray(vertex_descent.values, real)
+    strains: np.ndarray = np.zeros((count, descent.STRAINS), real)
+    values: np.ndarray = np.ascontiguousarray(vertex_descent.values, real)
     return DescentArrays(
         vertex_descent.order, vertex_descent.starts, vertex_descent.offsets, vertex_descent.entries,
         vertex_descent.falls, vertex_descent.corners, values, strains, spring_set.arrays(real),

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
@@ -41,7 +40,7 @@ def control_type(real: Real) -> np.dtype:
 
 
 def make_substep_ends(
-    compiler: Compiler, real: Real, parts: frozenset[str], put: Any, contact: SimpleNamespace
+    compiler: Compiler, real: Real, parts: frozenset[str], put: Callable, contact: SimpleNamespace
 ) -> SimpleNamespace:
     """Make `begin_groups`, the inertial or driven positions, and `finish_groups`, velocities and colliders; for groups
     and the pins among them."""

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
@@ -87,7 +86,7 @@ def make_displace_row(
 
 
 def make_lead(
-    compiler: Compiler, real: Real, axes: int, parts: frozenset[str], family: Family, several: bool, edge: Any
+    compiler: Compiler, real: Real, axes: int, parts: frozenset[str], family: Family, several: bool, edge: Callable
 ) -> Callable:
     """Make lead(i, stores, source, turn, later, scratch, sheet): the constraints of a family that lead from row `i`, at
     the positions from `source` on.

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from typing import Any
 
 import numpy as np
 
@@ -25,7 +24,9 @@ from softlab.cpu_backend.xpbd.walk import keeps_velocity, make_walk
 from softlab.model.base.types import Real
 
 
-def make_parts_of_substep(compiler: Compiler, real: Real, axes: int, parts: frozenset[str], several: bool) -> Any:
+def make_parts_of_substep(
+    compiler: Compiler, real: Real, axes: int, parts: frozenset[str], several: bool
+) -> tuple[Callable, Callable]:
     """Make (open_band, iterate_band): the prediction of a band's border rows, and an iteration. A substep's first
     iteration also predicts the other rows, its last one computes their velocities."""
     walk, iterate = make_walk(compiler, real, axes, parts, 1), make_iterate(compiler, real, axes, parts, several)

@@ -146,10 +146,10 @@ def make_project_row(compiler: Compiler, real: Real, axes: int, soft: bool, damp
 
 def make_rows_of_kinds(
     compiler: Compiler, real: Real, axes: int, parts: frozenset[str], several: bool
-) -> dict[str, Any]:
+) -> dict[str, tuple[Callable, ...] | None]:
     """Make (even row, uneven row if any) by the kind of constraints. In a single iteration multipliers are 0 and not
     stored."""
-    versions_of_kind: dict[tuple[bool, bool], Any] = {}
+    versions_of_kind: dict[tuple[bool, bool], tuple[Callable, ...]] = {}
     kinds = {}
     has_weights = bool(parts & {"pins", "load"})
     for kind in ("structural", "shear", "bending"):

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from typing import Any
 
 import numpy as np
 
@@ -35,7 +34,7 @@ from softlab.model.position_based.plan import FAMILIES
 
 def make_links(
     compiler: Compiler, real: Real, axes: int, parts: frozenset[str], classes: int, several: bool
-) -> list[Any]:
+) -> list[Callable]:
     """Make, for each of FAMILIES, f(i, later, sheet): its constraints that lead down from row i, or those along it."""
     rows = make_rows_of_kinds(compiler, real, axes, parts, several)
 

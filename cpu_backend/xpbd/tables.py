@@ -118,7 +118,7 @@ class Tables:
         return np.array(rows.rows), number
 
     def _row(self, family: Family, i: int, record: np.ndarray) -> np.ndarray:
-        out = np.zeros(self.columns, self.real)
+        out: np.ndarray = np.zeros(self.columns, self.real)
         first, second = index_columns(family, self.columns)
         upper, lower = self.weight_row[i], self.weight_row[i + family.rows]
         w_first, w_second = self.weights[upper][first], self.weights[lower][second]

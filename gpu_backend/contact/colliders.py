@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from types import SimpleNamespace
-from typing import Any
+from types import ModuleType, SimpleNamespace
 
 import numpy as np
 
@@ -141,7 +140,7 @@ def _make_meetings(real: Real, math: str, parts: frozenset[str]) -> tuple[Callab
         surface = box(p[0] - x, p[1] - y, p[2] - z, bodies[at + B_U], bodies[at + B_V], bodies[at + B_W])
         return push(p, v, surface, slow, bodies, at)
 
-    def of_surface(topic: Any) -> Callable:
+    def of_surface(topic: ModuleType) -> Callable:
         """Make the collision in the collider's own frame (model/formulas/frame.py)."""
         touch_at = device_formulas(topic.make, real, math, bounces=bounces, in_place=FRICTION_IN_PLACE in parts).touch
 

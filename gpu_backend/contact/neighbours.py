@@ -42,7 +42,7 @@ class Neighbours:
 
     def __init__(self, real: Real, particles: int, pairs: tuple[Any, ...], rest: np.ndarray | None, stream: Stream):
         self._stream, self._pairs, has_self_contact = stream, pairs, rest is not None
-        quads = np.zeros((particles if has_self_contact else 1, SIZE), real)
+        quads: np.ndarray = np.zeros((particles if has_self_contact else 1, SIZE), real)
         quads[:, :3] = 0 if rest is None else rest
         self._rest = self._new(quads.reshape(-1))
         table = _table(particles) + 1  # the last number of its starts is the total

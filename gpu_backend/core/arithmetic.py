@@ -54,7 +54,7 @@ def arithmetic_rate(precision: str, budget: float = 0.1) -> float:
 
     `precision`: float32 or float64. Under the CUDA simulator one block does one round: a check, and no rate.
     """
-    real = np.dtype(precision).type
+    real: Real = np.dtype(precision).type
     kernel = make_chains(real)
     blocks, rounds = (
         (1, 1) if simulated() else (BLOCKS_EACH * int(cuda.get_current_device().MULTIPROCESSOR_COUNT), ROUNDS)

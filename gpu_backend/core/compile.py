@@ -39,7 +39,7 @@ def kernel_options(math: str) -> dict[str, Any]:
     return {"fastmath": math == "fast"}
 
 
-def inlined(math: str) -> Any:
+def inlined(math: str) -> Callable[[Callable], Callable]:
     """Return the decorator of device functions that take arrays in registers: a call would move them into local
     memory."""
     options = kernel_options(math)
@@ -48,7 +48,7 @@ def inlined(math: str) -> Any:
     return cuda.jit(device=True, **options)
 
 
-def make_kernel(function: Callable, variant: str, **options: Any) -> Any:
+def make_kernel(function: Callable, variant: str, **options: Any) -> Kernel:
     """Return cuda.jit(**options)(function), with its machine code cached on disk.
 
     Without a writable folder the kernel is compiled in each process (NUMBA_CACHE_DIR sets one). The simulator takes no

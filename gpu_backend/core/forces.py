@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
+from softlab.gpu_backend.core.compile import Kernel, inlined, kernel_options, make_kernel, variant_name
 from softlab.gpu_backend.core.device import DeviceArray
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
@@ -50,13 +50,13 @@ def make_forces(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace
 
 
 @cache
-def make_particle_force(real: Real, math: str, axes: int, parts: frozenset[str]) -> Any:
+def make_particle_force(real: Real, math: str, axes: int, parts: frozenset[str]) -> Callable:
     """Make own(a, k, weight, parameters, integers, step) (model/core/own_forces.py)."""
     return make_particle_forces(real, inlined(math), lambda make: device_formulas(make, real, math), axes, parts)
 
 
 @cache
-def make_force_stages(real: Real, math: str, parts: frozenset[str]) -> dict[str, Any]:
+def make_force_stages(real: Real, math: str, parts: frozenset[str]) -> dict[str, Kernel]:
     """Compile the stages of gravity and of own forces, by name: kernels (position, record, integers, step, a), which
     add to the accelerations `a` (quads); the weights are in `position`."""
     add_gravity, zero = make_forces(real, math, parts).add_gravity, real(0)
@@ -68,7 +68,7 @@ def make_force_stages(real: Real, math: str, parts: frozenset[str]) -> dict[str,
             ax, ay, az = add_gravity(b[0], b[1], b[2], record[0])
             store_quad(a, k, ax, ay, az, zero)
 
-    def stage_of(particle_force: Any) -> Callable:
+    def stage_of(particle_force: Callable) -> Callable:
         def force(position, record, integers, step, a):
             k = np.int32(cuda.grid(1))
             if k < a.size // SIZE:

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numba import cuda
@@ -166,8 +166,8 @@ def make_search(
     axes: int,
     neighbours: int,
     repeats: frozenset[str],
-    visit: Any,
-    begun: Any,
+    visit: Callable,
+    begun: Callable,
     solids: bool = False,
 ) -> Callable:
     """Make search(k, p, position, parameters, key, numbers, begins, table, particles, lost, fluids).

@@ -10,13 +10,12 @@ from __future__ import annotations
 
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from numba import cuda
 
 from softlab.gpu_backend.contact.colliders import make_collide
-from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernels, variant_name
+from softlab.gpu_backend.core.compile import Kernel, inlined, kernel_options, make_kernels, variant_name
 from softlab.gpu_backend.core.forces import make_particle_force
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.integers import COLLIDERS, make_clock
@@ -96,7 +95,7 @@ def make_ends(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
 
 
 @cache
-def make_begin(real: Real, math: str, parts: frozenset[str], repeats: frozenset[str]) -> Any:
+def make_begin(real: Real, math: str, parts: frozenset[str], repeats: frozenset[str]) -> Kernel:
     """Compile begin(position, velocity, particle, limit, record, fluids, bodies, integers, counter, place, substeps,
     substep, predicted, before, predicted_velocity, boxes, counts).
 

@@ -29,7 +29,7 @@ class List(NamedTuple):
 
     table: DeviceArray
     count: Any  # as a number it would hide the tuple's method
-    particles: int
+    particles: np.int32
 
 
 class Weights(NamedTuple):
@@ -52,7 +52,7 @@ def make_row(parts: frozenset[str]) -> Callable:
     return inlined("exact")(row)
 
 
-def make_over_list(math: str, added: Any, begun: Any) -> Callable:
+def make_over_list(math: str, added: Callable, begun: float | tuple[float, ...]) -> Callable:
     """Make over_list(k, p, position, near_by, fluids, parameters): it adds each neighbour of particle k at p to
     `begun`.
 

@@ -66,7 +66,7 @@ def make_walls(real: Real, math: str, parts: frozenset[str]) -> Callable:
     return walls
 
 
-def _make_each_wall(real: Real, math: str, parts: frozenset[str], visit: Any) -> Callable:
+def _make_each_wall(real: Real, math: str, parts: frozenset[str], visit: Callable) -> Callable:
     """Make each(so_far, p, world, step, arguments): it applies visit(so_far, surface, bodies, at, end, parameters, turns,
     given) to four numbers, collider by collider.
 
@@ -169,7 +169,7 @@ def surfaces_of(real: Real, math: str) -> tuple[Any, Any]:
     collider made from a mesh, whose row begins at `at`."""
     formulas, inline = device_formulas(surfaces.make, real, math), inlined(math)
 
-    def of(away: Any) -> Callable:
+    def of(away: Callable) -> Callable:
         @inline
         def surface(p, bodies, at, time, parameters):
             path = (

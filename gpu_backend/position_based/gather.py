@@ -115,7 +115,7 @@ def _make_neighbour_sum(real: Real, math: str, parts: frozenset[str], make_pull:
             k + two * pitch if i < rows - 2 else k, k - two * pitch if i > 1 else k,
         )  # fmt: skip
 
-    def make_sum(kind: str, places_of: Any) -> Callable:
+    def make_sum(kind: str, places_of: Callable) -> Callable:
         first, second, third, fourth = (make_pull(kind, n) for n in range(4))
 
         @inline

@@ -125,14 +125,14 @@ class Couples:
     launches = 2  # of `turn`
 
     def __init__(
-        self, clusters: Clusters, arrays: Arguments, particles: int, parts: frozenset[str], real: Real, math: str,
-        stream: Stream,
+        self, clusters: Clusters, arrays: tuple[Arguments, DeviceArray, Arguments], particles: int, parts: frozenset[str],
+        real: Real, math: str, stream: Stream,
     ):  # fmt: skip
         self._entries, self._leans, self._gathered = arrays
         particle_order = clusters.of_particle[1]
         self._blocks = max(1, -(-clusters.count // TOGETHER)), THREADS, stream
         self._flat = max(1, -(-particles // THREADS)), THREADS, stream
-        zeros = np.zeros(SIZE * particles, real), np.zeros(QUADS * SIZE * clusters.count, real)
+        zeros: tuple[np.ndarray, ...] = np.zeros(SIZE * particles, real), np.zeros(QUADS * SIZE * clusters.count, real)
         self.sums, self._spins, self._weights = (
             cuda.to_device(array, stream=stream) for array in (*zeros, clusters.weights[particle_order].astype(real))
         )

@@ -93,7 +93,7 @@ class Lattices:
     def change(self, method: Method) -> None:
         """Apply a changed step length."""
         for one, stored in zip(self.copies, self._values, strict=True):
-            values = one.values(method.dt / method.substeps, method.iterations).astype(self.real)
+            values: np.ndarray = one.values(method.dt / method.substeps, method.iterations).astype(self.real)
             stored.copy_to_device(values, stream=self.stream)
 
     def _launch(self, kernel: Any, n: int, threads: int, arrays: Sequence[Any]) -> None:

@@ -22,7 +22,7 @@ class DeviceLinks:
         self._body_set, self._real, self._stream, self._starts = body_set, real, stream, body_set.links.starts
         self._project = make_projections(real, math, LINKS)
         ends, values = pack(body_set.links.ends), self._of(method)
-        zeros = np.zeros(body_set.links.count, real)
+        zeros: np.ndarray = np.zeros(body_set.links.count, real)
         self._ends, self._values, self._multipliers = (
             cuda.to_device(array, stream=stream) for array in (ends, values, zeros)
         )

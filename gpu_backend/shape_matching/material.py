@@ -51,7 +51,7 @@ class ClusterMaterial:
         """Update the tables that depend on the length of a substep."""
         h = method.dt / method.substeps
         if self.shaped:
-            table = shape_table(self._clusters, h, method.iterations).astype(self._real)
+            table: np.ndarray = shape_table(self._clusters, h, method.iterations).astype(self._real)
             self._shapes.copy_to_device(table.reshape(-1), stream=self._stream)
         if self.damped:
             factors = damping_factors(self._clusters, h)[self._particle_order].astype(self._real)
@@ -90,6 +90,6 @@ class ClusterMaterial:
     def upload(self, plastic: np.ndarray | None) -> None:
         """Upload strains; None: no cluster is bent."""
         if self.plastic_parts:
-            rows = np.zeros((self._clusters.count, ROWS, SIZE), self._real)
+            rows: np.ndarray = np.zeros((self._clusters.count, ROWS, SIZE), self._real)
             rows[:, :, :AXES] = np.eye(AXES) if plastic is None else plastic
             self._plastic.copy_to_device(rows.reshape(-1), stream=self._stream)

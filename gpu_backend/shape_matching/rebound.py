@@ -147,6 +147,7 @@ class Rebounds:
 
     launches = 4  # `strike`, and the following ones
     restitution_launches = 8  # of `bounce`
+    contacts: Any
 
     def __init__(
         self, clusters: Clusters, particle_order: np.ndarray, particles: int, contacts: Any, parts: frozenset[str],
@@ -160,8 +161,8 @@ class Rebounds:
             self._bounce = make_bodies_bounce(real, math)
             self._gives = [make_give(real, math, *contacts.variant, scaled) for scaled in (False, True)]
             self._scales = cuda.to_device(np.zeros(SIZE * particles, real), stream=stream)
-        limits = rebound_limits(clusters).astype(real)
-        zeros = np.zeros(SIZE * particles, real), np.zeros(ROWS * SIZE * clusters.count, real)
+        limits: np.ndarray = rebound_limits(clusters).astype(real)
+        zeros: tuple[np.ndarray, ...] = np.zeros(SIZE * particles, real), np.zeros(ROWS * SIZE * clusters.count, real)
         self._limits, self.impulses, self._motions = (
             cuda.to_device(array, stream=stream) for array in (limits, *zeros)
         )

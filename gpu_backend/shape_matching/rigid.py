@@ -193,10 +193,10 @@ class RigidMotion:
         self._blocks = max(1, -(-clusters.count // TOGETHER)), THREADS, stream
         self._flat = max(1, -(-particles // THREADS)), THREADS, stream
         slack = goal_slack(clusters, real)
-        travel = np.zeros((particles, SIZE), real)
+        travel: np.ndarray = np.zeros((particles, SIZE), real)
         travel[:, AXES] = slack
         factors = whole_clusters(clusters)[clusters.owner][particle_order].astype(real)
-        motions = np.zeros(ROWS * SIZE * clusters.count, real)
+        motions: np.ndarray = np.zeros(ROWS * SIZE * clusters.count, real)
         self.travel, self._factors, self._motions = (
             cuda.to_device(array, stream=stream) for array in (pack(travel), factors, motions)
         )

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
@@ -94,7 +93,7 @@ def make_rows(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
 
 
 @cache
-def make_solving(real: Real, math: str, apply: Any) -> Callable:
+def make_solving(real: Real, math: str, apply: Callable) -> Callable:
     """Make solving(kind, k, particles, solver, added, alpha, beta): particle k's summand in that pass of
     conjugate gradients; `added`: the coarse level's correction of the residual there."""
     inline, moved = inlined(math), device_formulas(newton.make, real, math).moved

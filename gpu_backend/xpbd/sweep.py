@@ -154,7 +154,7 @@ def chained(math: str, functions: Sequence[Any]) -> Callable:
 
 
 @cache
-def make_sweep(real: Real, math: str, parts: frozenset[str], axes: int, tile: SheetTile) -> Any:
+def make_sweep(real: Real, math: str, parts: frozenset[str], axes: int, tile: SheetTile) -> Callable:
     """Make sweep(positions, before, multipliers, constants, bounds): all colours of Gauss-Seidel."""
     functions, slot = [], 0
     for family, colour in colour_order(parts):

@@ -161,7 +161,7 @@ def make_add(compiled: Callable, formulas_of: FormulasOf, axes: int, parts: froz
 
 def make_particle_forces(
     real: Real, compiled: Callable, formulas_of: FormulasOf, axes: int, parts: frozenset[str]
-) -> Any:
+) -> Callable:
     """Make accelerate(a, k, weight, parameters, integers, step) -> the acceleration `a` of particle k plus these forces.
 
     `a`: `axes` numbers [m/s^2]. `weight`: the sheet's mass over the particle's, where the scene has a `load`.
@@ -178,7 +178,7 @@ def make_particle_forces(
     return _counted_in_sheet(accelerate, compiled) if WINDOW in parts else accelerate
 
 
-def _counted_in_sheet(accelerate: Any, compiled: Callable) -> Callable:
+def _counted_in_sheet(accelerate: Callable, compiled: Callable) -> Callable:
     """Make `accelerate` for particles that are numbered in a window."""
 
     @compiled
@@ -198,7 +198,7 @@ def in_window(plan: Plan, first_particle: int | None) -> Plan:
     return replace(plan, parts=plan.parts | {WINDOW})
 
 
-def _then(before: Any, force: Any, add: Any, compiled: Callable) -> Callable:
+def _then(before: Any, force: Callable, add: Callable, compiled: Callable) -> Callable:
     @compiled
     def accelerate(a, k, weight, parameters, integers, step):
         return add(before(a, k, weight, parameters, integers, step), weight, force(k, parameters, integers, step))

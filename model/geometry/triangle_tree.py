@@ -49,10 +49,10 @@ def tree_numbers(corners: np.ndarray, real: Real) -> np.ndarray:
     """Return (NODE (2 n - 1) + CORNERS n,) in the arithmetic `real`: the tree of triangles (n, 3, 3), in their
     `order_of`."""
     count = len(corners)
-    rounded = corners.reshape(count, CORNERS).astype(real)
+    rounded: np.ndarray = corners.reshape(count, CORNERS).astype(real)
     low, high = rounded.reshape(-1, 3, 3).min(axis=1), rounded.reshape(-1, 3, 3).max(axis=1)
     margin = real(GROWN * np.finfo(real).eps * np.abs(rounded).max(initial=0))
-    nodes = np.empty((2 * count - 1, NODE), real)
+    nodes: np.ndarray = np.empty((2 * count - 1, NODE), real)
     for level in parts_of(count):
         first, last, node = level.T
         ends = np.stack([first, last], axis=1).ravel()[: -1 if last[-1] == count else None]

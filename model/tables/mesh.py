@@ -65,8 +65,9 @@ class Mesh(Cloth):
     @field_validator("pinned", mode="before")
     @classmethod
     def _pinned_is_a_word_or_a_list(cls, value: object) -> object:
-        numbers = isinstance(value, list | tuple) and all(type(k) is int for k in value)
-        return list(value) if numbers else checked_pins(value)
+        if isinstance(value, list | tuple) and all(type(k) is int for k in value):
+            return list(value)
+        return checked_pins(value)
 
     @model_validator(mode="after")
     def _pins_lie_inside(self) -> Mesh:

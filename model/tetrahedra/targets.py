@@ -50,7 +50,7 @@ class Targets:
         if self.first > most:
             reason = f"{np.dtype(real).name} counts to {most}, and a pin takes {MOTION_FIELDS} numbers: use float64"
             raise SceneError("live", f"{count} pins with targets", reason)
-        moving = np.zeros((count, MOTION_FIELDS), real)
+        moving: np.ndarray = np.zeros((count, MOTION_FIELDS), real)
         moving[:, M_V], moving[:, M_DURATION] = 1, 1  # an axis and a time, which have no effect without a speed
         pins[self.settable, P_MOTION] = (begin + MOTION_FIELDS * np.arange(count))[self.settable]
         self.rows = np.concatenate([colliders, motions.reshape(-1), moving.reshape(-1), pins.reshape(-1)])

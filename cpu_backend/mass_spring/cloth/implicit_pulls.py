@@ -18,7 +18,7 @@ from softlab.model.formulas import implicit
 BESIDE = 2 * AXES  # planes from a vector to the one that belongs to it
 
 
-def _make(compiler: Compiler, real: Real, kind: str, place: Any, formula: Any, name: str) -> Callable:
+def _make(compiler: Compiler, real: Real, kind: str, place: Any, formula: Callable, name: str) -> Callable:
     """Make a function like rows.make_accelerations with `formula(d, w, stiffness, rest, damping, dt)`; d and w are
     differences of the two vectors."""
     block = block_of(real)
@@ -55,12 +55,12 @@ def _make(compiler: Compiler, real: Real, kind: str, place: Any, formula: Any, n
     return compiler.compiled(pulls)
 
 
-def make_end_pulls(compiler: Compiler, real: Real, parts: frozenset[str], kind: str, place: Any) -> Any:
+def make_end_pulls(compiler: Compiler, real: Real, parts: frozenset[str], kind: str, place: Any) -> Callable:
     """Make forces at the step's end. First vector: position without the end velocity; second: that velocity."""
     return _make(compiler, real, kind, place, implicit.make(real, compiler.compiled).end_pull_3d, "end")
 
 
-def make_products(compiler: Compiler, real: Real, parts: frozenset[str], kind: str, place: Any) -> Any:
+def make_products(compiler: Compiler, real: Real, parts: frozenset[str], kind: str, place: Any) -> Callable:
     """Make products. First vector: position at the step's end; second: the vector to multiply."""
     product_3d = implicit.make(real, compiler.compiled).product_3d
 

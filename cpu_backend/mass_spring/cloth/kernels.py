@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
@@ -79,7 +78,7 @@ def make_settle(compiler: Compiler, real: Real, parts: frozenset[str]) -> Simple
     )
 
 
-def make_finish_rows(compiler: Compiler, real: Real, integrator: str, parts: frozenset[str]) -> Any:
+def make_finish_rows(compiler: Compiler, real: Real, integrator: str, parts: frozenset[str]) -> Callable:
     """Make finish(kind, blocks, position, velocity, closing, opening, parameters, new_position, new_velocity): it
     integrates one axis of a row from its sums of accelerations."""
     _, damped = springs.make(real, compiler.compiled)

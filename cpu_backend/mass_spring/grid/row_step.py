@@ -40,7 +40,9 @@ def pass_kind(k, passes):
     return kind
 
 
-def make_finishes(compiler: Compiler, real: Real, integrator: str, has_damping: bool, damped: Any) -> dict[str, Any]:
+def make_finishes(
+    compiler: Compiler, real: Real, integrator: str, has_damping: bool, damped: Callable
+) -> dict[str, Callable]:
     """Make, by a pass's name, finish(p, v, closing, opening, parameters) -> (p', v') of one axis of a mass."""
     compiled = compiler.compiled
     formulas = integrators.make(real, compiled, has_damping)
@@ -73,7 +75,7 @@ def make_finishes(compiler: Compiler, real: Real, integrator: str, has_damping: 
     return {"opening": opening_kick, "middle": both_kicks, "closing": closing_kick}
 
 
-def make_row_step(compiler: Compiler, real: Real, integrator: str, parts: frozenset[str]) -> tuple[Any, Any]:
+def make_row_step(compiler: Compiler, real: Real, integrator: str, parts: frozenset[str]) -> tuple[Callable, Callable]:
     """Make (begin_walk, step_row) of a variant; begin_walk: see mass_spring/grid/rows.py.
 
     step_row(kind, step, i, column, blocks, source, here, below, source_plane, target, there, target_plane, above, sums,

@@ -7,8 +7,8 @@ With gusts, the air's velocity, which is the same for all masses, is computed by
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
-from typing import Any
 
 import numpy as np
 from numba import cuda
@@ -23,7 +23,7 @@ from softlab.model.base.types import Real
 
 
 @cache
-def make_cloth_passes(real: Real, math: str, integrator: str, parts: frozenset[str]) -> dict[str, Any]:
+def make_cloth_passes(real: Real, math: str, integrator: str, parts: frozenset[str]) -> dict[str, Kernel]:
     """Compile the kernels of one-force integrators (`step`) or of velocity Verlet (`opening`, `middle`, `closing`).
 
     Each is kernel(position, velocity, new_position, new_velocity, record, bodies, integers, counter, pass_number, rows,
@@ -33,7 +33,7 @@ def make_cloth_passes(real: Real, math: str, integrator: str, parts: frozenset[s
     current_step, block_air = make_cloth_forces(real, math, parts).current_step, make_block_air(real, math, parts)
     zero = real(0)
 
-    def make_pass(name: str, move: Any) -> Kernel:
+    def make_pass(name: str, move: Callable) -> Kernel:
         def cloth_pass(
             position, velocity, new_position, new_velocity, record, bodies, integers, counter, pass_number, rows,
             columns,
@@ -62,7 +62,7 @@ def make_cloth_passes(real: Real, math: str, integrator: str, parts: frozenset[s
 
 
 @cache
-def make_cloth_rk4_stages(real: Real, math: str, parts: frozenset[str]) -> list[Any]:
+def make_cloth_rk4_stages(real: Real, math: str, parts: frozenset[str]) -> list[Kernel]:
     """Compile the four stage kernels of RK4.
 
     kernel(position, velocity, base_position, base_velocity, total_position, total_velocity, new_position, new_velocity,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from typing import Any
 
 import numpy as np
 
@@ -23,7 +22,7 @@ RK4_TOTAL = ("sixth_dt", "third_dt", "third_dt", "sixth_dt")
 
 
 @cache
-def make_cloth_kicks(real: Real, math: str, integrator: str, parts: frozenset[str]) -> dict[str, Any]:
+def make_cloth_kicks(real: Real, math: str, integrator: str, parts: frozenset[str]) -> dict[str, Callable]:
     """Make device functions: `step` of one-force integrators; `opening`, `middle`, `closing` of velocity Verlet.
 
     Each is kick(ax, ay, az, k, p, v, world, step) -> (px, py, pz, vx, vy, vz): of mass k, at p and with velocity v
@@ -113,7 +112,7 @@ def make_cloth_kicks(real: Real, math: str, integrator: str, parts: frozenset[st
 
 
 @cache
-def make_cloth_moves(real: Real, math: str, integrator: str, parts: frozenset[str]) -> dict[str, Any]:
+def make_cloth_moves(real: Real, math: str, integrator: str, parts: frozenset[str]) -> dict[str, Callable]:
     """Make the functions of make_cloth_kicks together with the forces before them.
 
     Each is move(position, velocity, place, k, cell, p, v, world, step, air) -> (px, py, pz, vx, vy, vz): of mass k in
@@ -126,7 +125,7 @@ def make_cloth_moves(real: Real, math: str, integrator: str, parts: frozenset[st
     steady = make_cloth_forces(real, math, parts).steady
     inline = inlined(math)
 
-    def make_move(kick: Any) -> Callable:
+    def make_move(kick: Callable) -> Callable:
         @inline
         def move(position, velocity, place, k, cell, p, v, world, step, air):
             parameters = world.parameters

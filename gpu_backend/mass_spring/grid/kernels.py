@@ -12,9 +12,9 @@ the order of launches in the stream. mass_spring/grid/point.py has the computati
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from numba import cuda
@@ -27,7 +27,7 @@ from softlab.model.base.types import Real
 
 
 @cache
-def make_passes(real: Real, math: str, integrator: str, parts: frozenset[str]) -> dict[str, Any]:
+def make_passes(real: Real, math: str, integrator: str, parts: frozenset[str]) -> dict[str, Kernel]:
     """Compile the kernels of one-force integrators (`step`) or of velocity Verlet (`opening`, `middle`, `closing`).
 
     Each is kernel(position, velocity, new_position, new_velocity, record, integers, counter, pass_number, pinned_row,
@@ -39,7 +39,7 @@ def make_passes(real: Real, math: str, integrator: str, parts: frozenset[str]) -
     has_pins = "pins" in parts
     zero = real(0)
 
-    def make_pass(name: str, move: Any) -> Kernel:
+    def make_pass(name: str, move: Callable) -> Kernel:
         def grid_pass(
             position, velocity, new_position, new_velocity, record, integers, counter, pass_number, pinned_row, pinned,
             rows, columns,
@@ -69,7 +69,7 @@ def make_passes(real: Real, math: str, integrator: str, parts: frozenset[str]) -
 
 
 @cache
-def make_rk4_stages(real: Real, math: str, parts: frozenset[str]) -> list[Any]:
+def make_rk4_stages(real: Real, math: str, parts: frozenset[str]) -> list[Kernel]:
     """Compile the four stage kernels of RK4.
 
     kernel(position, velocity, base_position, base_velocity, total_position, total_velocity, new_position, new_velocity,

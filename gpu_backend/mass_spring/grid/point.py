@@ -25,7 +25,7 @@ from softlab.model.core.own_forces import particle_forces_change
 from softlab.model.formulas import integrators, springs
 
 
-def _make_spring_sum(real: Real, device: Any, spring_acceleration_2d: Any, parts: frozenset[str]) -> Callable:
+def _make_spring_sum(real: Real, device: Any, spring_acceleration_2d: Callable, parts: frozenset[str]) -> Callable:
     """Make spring_sum(position, k, cell, parameters)."""
     has_springs, zero, one = "springs" in parts, real(0), np.int32(1)
 
@@ -121,7 +121,7 @@ def make_point_functions(real: Real, math: str, integrator: str, parts: frozense
 
 
 @cache
-def make_moves(real: Real, math: str, integrator: str, parts: frozenset[str]) -> dict[str, Any]:
+def make_moves(real: Real, math: str, integrator: str, parts: frozenset[str]) -> dict[str, Callable]:
     """Make the motion of one mass in a pass: `step` of one-force integrators; `opening`, `middle`, `closing` of
     velocity Verlet.
 

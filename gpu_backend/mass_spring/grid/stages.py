@@ -5,6 +5,7 @@ Each stage has separate input and output arrays: slow, but easy to read, to time
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
 from typing import Any
@@ -50,7 +51,7 @@ def make_force_stages(real: Real, math: str, integrator: str, parts: frozenset[s
         if k < a.shape[0]:
             a[k] = pair(complex(a[k].real, a[k].imag + parameters.gravity))
 
-    def stage_of(particle_force: Any) -> Kernel:
+    def stage_of(particle_force: Callable) -> Kernel:
         def force(record, integers, step, a):
             k = np.int32(cuda.grid(1))
             if k < a.shape[0]:
