@@ -39,7 +39,7 @@ def kernel_options(math: str) -> dict[str, Any]:
     return {"fastmath": math == "fast"}
 
 
-def inlined(math: str) -> Callable[[Callable], Callable]:
+def inlined(math: str) -> Callable[[Callable], Any]:
     """Return the decorator of device functions that take arrays in registers: a call would move them into local
     memory."""
     options = kernel_options(math)

@@ -28,14 +28,14 @@ _UNKNOWN = os.urandom(16)  # stands for what cannot be told apart: such a digest
 _codes: dict[tuple[int, str | None], tuple[types.CodeType, list[bytes]]] = {}
 
 
-def content_digest(value: Any, *more: Any) -> str:
+def content_digest(*values: Any) -> str:
     """A hash (hex) of what functions are made of and of plain values: the same for the same content, in every process.
 
     Of a function: its bytecode, constants, defaults, the values in its closure, and the globals that it names; functions
     (compiled ones too, with their options) are looked into in turn. Line numbers, comments, docstrings and the function's
     own name do not count. An object of which nothing is known makes a digest that no other process gets.
     """
-    return _Walk().digest((value, *more)).hex()[:32]
+    return _Walk().digest(values).hex()[:32]
 
 
 class _Walk:

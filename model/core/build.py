@@ -56,7 +56,7 @@ def starts(scene: Scene, position: np.ndarray) -> np.ndarray:
 
 def sheet_name(scene: Scene) -> str:
     """Return the name of the scene's sheet; `bodies` where it has bodies."""
-    return scene.name_of(*SHEETS, default="bodies")
+    return scene.name_of(*SHEETS) or "bodies"
 
 
 def pinned_indices(grid: Particles) -> np.ndarray:

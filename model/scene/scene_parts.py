@@ -157,9 +157,9 @@ class SceneParts:
         name, _, field = path.partition(".")
         return getattr(self.parts.get(name), field, default)
 
-    def name_of(self, *kinds: str, default: str = "") -> str:
-        """Return the name of the scene's first part of these kinds; `default` where it has none."""
-        return next(iter(self.all_of(*kinds)), default)
+    def name_of(self, *kinds: str) -> str:
+        """Return the name of the scene's first part of these kinds; "" where it has none."""
+        return next(iter(self.all_of(*kinds)), "")
 
     def refuse(self, kinds: Collection[str], why: str) -> None:
         """Raise SceneError for the first part of one of the `kinds`."""
