@@ -201,7 +201,7 @@ def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Resul
 
 
 def _spins() -> bool:
-    """Return True if idle threads keep their cores busy for long."""
+    """Return True if idle threads of the threading layer keep their cores busy for long."""
     return wait_policy() not in ("brief", "passive")
 
 
@@ -211,7 +211,7 @@ def _crowded() -> bool:
 
 
 class Observer(Protocol):
-    """Gets the state during a run, every so many steps."""
+    """Receives the state every few steps of a run."""
 
     def steps_to_next(self, done: int) -> int: ...
     def observe(self, simulation: Simulation, done: int) -> None: ...

@@ -58,7 +58,8 @@ class Legend:
         )
 
     def place(self, width: int, most: float, title: str = "") -> None:
-        """Put it at the lower right of a window `width` pixels wide, with this range at its ends; under a `title`, if any."""
+        """Place the bar at the lower right of a window of `width` pixels, for strains from `-most` or levels from 0 to
+        `most`."""
         if self._shown == (width, most, title):
             return
         self._shown = (width, most, title)
@@ -82,8 +83,8 @@ class Legend:
 
 
 def range_texts(most: float, levels: bool) -> list[str]:
-    """Five numbers along a bar of colours: of strains from `-most`, of `levels` from 0, to `most`. Its ends are open: what is
-    beyond them has their colour."""
+    """Return five numbers along a bar of colours: of strains from `-most`, of `levels` from 0, to `most`. Values beyond
+    the ends have the colour of the end."""
     values = [most * (k / 4 if levels else (k - 2) / 2) for k in range(5)]
     texts = ["0" if v == 0 else f"{v:.3g}" if levels else f"{v:+.3g}".replace("-", MINUS) for v in values]
     return [texts[0] if levels else f"{AT_MOST} {texts[0]}", *texts[1:-1], f"{AT_LEAST} {texts[-1]}"]
@@ -108,7 +109,7 @@ class NameLegend:
         ]
 
     def place(self, width: int, above: int) -> None:
-        """Put it at the right of a window `width` pixels wide, `above` so many pixels."""
+        """Place the legend at the lower right of a window of `width` pixels, `above` pixels higher than its corner."""
         if self._shown == (width, above):
             return
         self._shown = (width, above)
@@ -171,6 +172,6 @@ class Legends:
 
 
 def legend_of(scene: Scene) -> Legend | None:
-    """The legend of strains that a scene needs; None without strains."""
+    """Return the legend of strains that a scene needs; None without strains."""
     title = presentation_of(scene).legend(scene)
     return None if title is None else Legend(len(pinned_indices(scene.grid)) > 0, title)

@@ -127,7 +127,7 @@ class View(ABC):
         return False
 
     def show_foam(self, points: FoamPoints) -> None:  # noqa: B027 - others have no foam
-        """Draw these spray and foam particles of a fluid."""
+        """Draw the spray and foam particles `points` of a fluid."""
 
     def toggle_foam(self) -> bool | None:
         """Show or hide spray, foam and bubbles of fluids. Returns True if they are shown now, None without fluids."""
@@ -222,7 +222,7 @@ class View(ABC):
     def _style(
         self, size: float, fill: Any, rim: Any, toward: float, square: bool = False, hollow: bool = False
     ) -> None:
-        """`size`: pixels of the window."""
+        """Set size and colours of points. `size`: pixels of the window."""
         program = self._point_program
         program["point_size"], program["toward"] = size / self.detail.coarse, toward
         program["fill"], program["rim"] = fill, rim
@@ -245,7 +245,7 @@ class View(ABC):
 
 
 def _blend() -> None:
-    """Blend everything that is drawn from now on with what is there, by its alpha."""
+    """Blend everything that is drawn from now on with the picture, by its alpha."""
     from pyglet import gl
 
     gl.glEnable(gl.GL_BLEND)

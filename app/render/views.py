@@ -27,8 +27,8 @@ def view_of(scene: Scene, quick: bool = False) -> View:
 
 
 def camera_of(scene: Scene, width: int, height: int) -> Any:
-    """A Camera2D or, in space, a Camera3D for a window of `width` x `height` pixels, turned as the scene's camera table says
-    and yet to be pointed at something."""
+    """Return a Camera2D or, in space, a Camera3D for a window of `width` x `height` pixels. It has the direction of the
+    scene's camera table and no target yet."""
     if scene.dimensions != 3:
         return Camera2D(width, height)
     camera, part = Camera3D(width, height), scene.camera

@@ -79,7 +79,7 @@ def _kernel() -> Callable:
 
     @compiled
     def outside(low, x, high):
-        """Return how far x lies outside an interval."""
+        """Return the distance of x from an interval; 0 inside."""
         return max(max(low - x, x - high), 0.0)
 
     @compiled

@@ -63,7 +63,7 @@ class ParticleContacts:
 
     @property
     def arrays(self) -> ContactArrays:
-        """The argument of kernels."""
+        """Arrays of the contacts, as kernels take them."""
         rows = PairRows(self.record, self.reach, self.neighbours.kinds)
         return ContactArrays(rows, self.sweeps, self.neighbours.search, self._contacts, self.old)
 

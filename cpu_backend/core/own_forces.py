@@ -16,7 +16,8 @@ from softlab.model.core.plan import Moment, StageRun
 
 
 def make_particle_force(compiler: Compiler, real: Real, axes: int, parts: frozenset[str]) -> Callable:
-    """Make own(a, k, weight, parameters, integers, step) (model/core/own_forces.py)."""
+    """Make `accelerate(a, k, weight, parameters, integers, step)`: the acceleration `a` plus that of all forces on
+    particle k (model/core/own_forces.py)."""
     return make_particle_forces(real, compiler.compiled, lambda make: make(real, compiler.compiled), axes, parts)
 
 

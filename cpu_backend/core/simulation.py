@@ -100,7 +100,7 @@ class CpuSimulation(Simulation):
 
     @property
     def record(self) -> np.ndarray:
-        """The constants as an array of one record, for numba's parallel loops, which take no record."""
+        """Constants as an array of one record: numba's parallel loops do not accept records."""
         return self._record
 
     @property
@@ -131,7 +131,7 @@ class CpuSimulation(Simulation):
         """Do nothing: a call returns when its steps are done."""
 
     def close(self) -> None:
-        """Drop the executor, whose reference to the simulation keeps arrays until a garbage collection."""
+        """Delete the executor: its reference to the simulation would keep arrays alive until a garbage collection."""
         super().close()
         self.__dict__.pop("_executor", None)
 
@@ -150,8 +150,8 @@ class ParticlesSimulation(CpuSimulation):
 
     @property
     def inertial(self) -> np.ndarray | None:
-        """Inertial positions, likewise, of solvers that return to them; displacements by others must also apply to
-        them."""
+        """Inertial positions, in the same layout, of solvers that use them in every iteration. Displacements by other
+        solvers must be applied to them, too."""
         return None
 
     def _first_diverged(self) -> int:

@@ -91,7 +91,7 @@ def make_accelerate(compiler: Compiler, real: Real, parts: frozenset[str], sides
 
     @compiled
     def forced(number, row, step, parameters, fluids, integers):
-        """Return the acceleration of a particle by gravity and own forces [m/s^2]."""
+        """Return the acceleration of a particle by gravity and the forces on single particles [m/s^2]."""
         ax, ay, az = zero, zero, zero
         if has_gravity:
             ay = buoyant(parameters.gravity, fluids[row + F_BUOYANCY])

@@ -1,8 +1,8 @@
-"""The kernel `fused` in the coloured Gauss-Seidel ordering: every thread follows the steps of its band's schedule.
+"""The kernel `fused` in the coloured Gauss-Seidel ordering: each thread follows the schedule of its band.
 
-xpbd/schedule.py defines the order in which rows are predicted, projected and given their velocity, and the
-synchronisation of neighbouring bands; this file executes it. An iteration has phases in which no band waits for
-another: a team runs them (core/progress.py).
+xpbd/schedule.py defines the order in which rows are predicted, projected and given their velocities, and how
+neighbouring bands synchronise; this file executes it. The phases of an iteration need no waiting between bands: a team
+runs them (core/progress.py).
 """
 
 from __future__ import annotations

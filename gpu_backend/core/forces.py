@@ -30,9 +30,9 @@ PARTICLE_FORCE_PARTS = frozenset(
 
 @cache
 def make_forces(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """Make device functions: `add(a, weight, f)` of model/core/own_forces.py, `add_gravity(..., parameters)` and
-    `add_particle_force(..., k, weight, parameters, integers, step)`, all own forces. The last two map (ax, ay, az, ...)
-    to (ax, ay, az)."""
+    """Make device functions: `add(a, weight, f)` adds one force (model/core/own_forces.py); `add_gravity(...,
+    parameters)` adds gravity; `add_particle_force(..., k, weight, parameters, integers, step)` adds all forces on
+    single particles. The last two map the acceleration (ax, ay, az, ...) to (ax, ay, az)."""
     particle_force, inline, has_gravity = make_particle_force(real, math, 3, parts), inlined(math), "gravity" in parts
     add = make_add(inline, lambda make: device_formulas(make, real, math), 3, parts)
 
@@ -51,7 +51,8 @@ def make_forces(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace
 
 @cache
 def make_particle_force(real: Real, math: str, axes: int, parts: frozenset[str]) -> Callable:
-    """Make own(a, k, weight, parameters, integers, step) (model/core/own_forces.py)."""
+    """Make `accelerate(a, k, weight, parameters, integers, step)`: the acceleration `a` plus that of all forces on
+    particle k (model/core/own_forces.py)."""
     return make_particle_forces(real, inlined(math), lambda make: device_formulas(make, real, math), axes, parts)
 
 

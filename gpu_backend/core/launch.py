@@ -58,7 +58,7 @@ class Graphs:
         _checked(self._runtime.cudaGraphLaunch(self._graphs[parity, count], self._handle()))
 
     def ready(self, parity: int, count: int) -> None:
-        """Capture that graph, unless it exists."""
+        """Capture the graph of `count` passes from buffer `parity`, unless it exists."""
         if (parity, count) not in self._graphs:
             self._graphs[parity, count] = self._capture(parity, count)
 

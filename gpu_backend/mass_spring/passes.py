@@ -64,7 +64,7 @@ class SheetPasses(CudaSimulation):
                 source = target
 
     def _many(self, count: int) -> None:
-        """Do `count` equal passes (steps of RK4), in the kernel's own variant."""
+        """Launch `count` equal passes (steps of RK4) with the chosen kernel."""
         if self._tiles is None and self.kernel != "one-block":
             self._repeat(count, self._launch, 1)
             return

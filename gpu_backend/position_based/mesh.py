@@ -171,7 +171,7 @@ class MeshPositionBased(DrivenSimulation, SubstepSimulation):
             )
 
     def _brake(self, velocity: DeviceArray) -> None:
-        """Launch the damping of bodies with their own damping rate."""
+        """Launch the damping of bodies that have a damping rate."""
         if self._slow is not None:
             self._slow[self._flat](velocity, self._rates, self.record)
 

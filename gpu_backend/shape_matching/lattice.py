@@ -86,7 +86,7 @@ class Lattices:
             self.rotation.copy_to_device(self._snapshot, stream=self.stream)
 
     def settle(self) -> None:
-        """Take the rotations of the last look as the state's."""
+        """Use the rotations computed for the last view as those of the state."""
         if self.copies:
             self.rotation.copy_to_device(self.view_rotation, stream=self.stream)
 

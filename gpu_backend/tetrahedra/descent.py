@@ -79,7 +79,7 @@ class VertexBlockDescent(Tetrahedra):
         super()._build()
 
     def _bind(self, descent: Descent) -> None:
-        """Insert the stages of a material into those of a step."""
+        """Insert the stages of a material into the stages of a step."""
         damped, real, count = DAMPED in self.plan.parts, self.real, np.int32(len(descent.corners))
         kernels = make_visits(real, self.options.math, descent.number, damped, visited(self.plan.parts))
         corners, values = self.on_device(pack(descent.corners)), self.on_device(pack(descent.values.astype(real)))

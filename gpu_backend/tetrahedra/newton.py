@@ -123,7 +123,7 @@ class TetrahedraNewton(DrivenSimulation):
 
     @property
     def done(self) -> np.ndarray:
-        """Return (solves, looks, matrices, products, steps) so far (newton_kernel.py)."""
+        """Return the counts so far (newton_kernel.py): solves, checks, matrices, products, steps."""
         host: np.ndarray = self._done.copy_to_host(stream=self.stream)
         self.synchronize()
         return host

@@ -52,7 +52,7 @@ def copies(parts: frozenset[str]) -> int:
 
 
 def shared_bytes(real: Real, parts: frozenset[str], tile: SheetTile) -> int:
-    """Return the bytes of the arrays of a block with such a tile."""
+    """Return the bytes of shared memory of a block with this tile."""
     return copies(parts) * tile.quads * 4 * np.dtype(real).itemsize
 
 

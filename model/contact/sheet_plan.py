@@ -15,7 +15,8 @@ Stages = tuple[Stage, ...]
 
 
 def sheet_parts(scene: Scene, live: frozenset[str] = frozenset()) -> set[str]:
-    """Return the parts of any sheet that need a stage: those with an effect, and those that may be switched on live."""
+    """Return the parts of a sheet that need a stage: those that have an effect, and those that may be switched on
+    during the run."""
     damping, gravity = scene.damping, scene.gravity
     needed = {
         "damping": (damping and damping.coefficient > 0) or "damping" in live,

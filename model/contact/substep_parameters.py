@@ -1,7 +1,7 @@
-"""Constants for the kernels of position-based solvers: a cloth's, for a substep, and those of its constraints.
+"""Constants for the kernels of position-based solvers, per substep: those of a cloth, and those of its constraints.
 
-They include those of model/contact/cloth_parameters.py for the substep instead of the step, for a grid too: forces
-and colliders read them under these names.
+The constants of model/contact/cloth_parameters.py are included, computed for the substep instead of the step. Grids
+have them too: forces and colliders read them under these names.
 """
 
 from __future__ import annotations

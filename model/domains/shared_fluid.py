@@ -85,7 +85,7 @@ class SharedFluid(FluidSimulation, WindowedSimulation):
         self._claim(place, number, values)
 
     def _claim(self, place: int, number: np.ndarray, values: np.ndarray) -> None:
-        """Own the particles of a window that lie in its slab."""
+        """Mark the particles of a window that lie in its slab as owned by it."""
         owned = self._owned[place]
         owned[:] = False
         owned[number[self.slabs.owned(values[self.slabs.axis], self.local[place])]] = True

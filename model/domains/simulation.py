@@ -50,9 +50,10 @@ def window_scene(scene: Scene, pinned: np.ndarray, domain: Domain, divided: int 
 
 
 class DecomposedSimulation(WindowedSimulation):
-    """A simulation in windows of rows, see model/domains/windows.py.
+    """A simulation in windows of rows (model/domains/windows.py).
 
-    `windows` are those of the domains `local`. In `exact` math the bits are those of a single simulation.
+    This process simulates the windows of the domains `local`. In `exact` math the bits are those of a single
+    simulation.
     """
 
     def __init__(self, scene: Scene, options: Options, cut: Decomposition, local: Sequence[int]):

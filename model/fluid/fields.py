@@ -23,7 +23,7 @@ def _check_taps(scene: Scene, taps: Any, real: Real) -> np.ndarray:
 
 
 def _upload_taps(simulation: Any, taps: np.ndarray | None) -> None:
-    """Set the emitter states; None: those of the scene's start."""
+    """Set the emitter states. None: those at the start of the scene."""
     taps = initial_emitter_state(simulation.scene) if taps is None else taps
     if not np.array_equal(taps, simulation._emitter_state):
         simulation._emitter_state = taps

@@ -95,7 +95,7 @@ def _greedy(vertices: np.ndarray, vertex_count: int, priority: np.ndarray) -> np
 
 
 def _hub(vertices: np.ndarray) -> int:
-    """Return the vertex at which most of the constraints meet."""
+    """Return the vertex that belongs to most constraints."""
     return int(np.bincount(vertices.ravel()).argmax())
 
 

@@ -31,7 +31,7 @@ class ParticleRow:
 
     @property
     def columns(self) -> int:
-        """All particles: the set is one row."""
+        """Number of particles: the set is one row."""
         return len(self.position)
 
     @property

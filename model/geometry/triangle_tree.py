@@ -31,7 +31,7 @@ def parts_of(count: int) -> list[np.ndarray]:
 
 @work("sorting triangles")
 def order_of(corners: np.ndarray) -> np.ndarray:
-    """Return (n,) int64: the order in which triangles `corners` (n, 3, 3) stand in the tree."""
+    """Return the order of the triangles `corners` (n, 3, 3) in the tree, (n,) int64."""
     middles, order = corners.mean(axis=1), np.arange(len(corners))
     for level in parts_of(len(corners)):
         first, last, _ = level[level[:, 1] - level[:, 0] > 1].T

@@ -85,7 +85,8 @@ class BodySet(ParticleRow):
 
     @property
     def alike(self) -> BodySet:
-        """The set that decides which code its loose clusters need: the whole one, so that every block runs the same."""
+        """The set that decides which code its loose clusters need: that of the whole scene, so that every block runs
+        the same code."""
         return self.whole if self.whole and self.loose.count else self
 
     @property

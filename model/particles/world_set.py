@@ -74,7 +74,7 @@ def make_world_set(members: Mapping[str, Any]) -> WorldSet:
 
 
 def _of(part: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return (position, velocity, masses, pinned) of a member's own set."""
+    """Return (position, velocity, masses, pinned) of a member's particles."""
     if isinstance(part, Mesh):
         position = mesh_of(part).position + part.origin
         pinned = (

@@ -75,7 +75,7 @@ def _default(field: FieldInfo) -> str:
 
 
 def _allowed(field: FieldInfo) -> str:
-    """Return the bounds of a field, or the words that it takes."""
+    """Return the bounds of a field, or the words that it accepts."""
     marks = [*field.metadata, *_marks(field.annotation)]
     bounds = [f"> {_number(m.gt)}" for m in marks if isinstance(m, Gt)]
     bounds += [f">= {_number(m.ge)}" for m in marks if isinstance(m, Ge)]

@@ -105,8 +105,8 @@ class Scene(SceneParts):
 
     @cached_property
     def phases(self) -> tuple[tuple[float, Scene], ...]:
-        """(time [s], the scene from then on) of each time at which pins let go, ascending. Raises SceneError for a release
-        that lets go of nothing, or leaves no possible scene."""
+        """The scenes between releases: (time [s], scene from then on) of each time at which pins are released,
+        ascending. Raises SceneError for a release that unpins nothing or leaves a scene that cannot be simulated."""
         releases: dict[str, Release] = self.all_of(RELEASE)
         phases: list[tuple[float, Scene]] = []
         for time in sorted({release.time for release in releases.values()}):

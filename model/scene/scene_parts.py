@@ -93,7 +93,7 @@ class SceneParts:
         self._read(tables)
 
     def _read(self, tables: Mapping[str, Any]) -> None:
-        """Read the parts and their kinds, each checked by itself."""
+        """Read the parts and their kinds. Each part is checked on its own."""
         self.parts: dict[str, Part] = {}
         self.kinds: dict[str, str] = {}
         self.camera: CameraPart | None = None

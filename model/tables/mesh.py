@@ -99,7 +99,7 @@ class Mesh(Cloth):
         return mesh_normals(position, self.triangles())
 
     def _idle_fields(self) -> set[str]:
-        """Return all fields that cannot be given, so that a written scene can be read."""
+        """Return the fields that must not be written, so that the written scene can be read again."""
         return {"density" if self.density is None else "mass", *(OF_FILES if self.file is None else OF_SHEETS)}
 
 

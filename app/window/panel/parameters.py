@@ -55,17 +55,17 @@ class Parameter:
 
     @property
     def part(self) -> str:
-        """The table."""
+        """Name of the table."""
         return self.path.partition(".")[0]
 
     @property
     def field(self) -> str:
-        """Its name there."""
+        """Name of the field in its table."""
         return self.path.partition(".")[2].strip()
 
     @property
     def label(self) -> str:
-        """Its name in words."""
+        """Name of the field in words."""
         return {"dt": "dt", "young_modulus": "Young's modulus", "poisson_ratio": "Poisson's ratio"}.get(
             self.field, self.field.replace("_", " ")
         )
@@ -132,7 +132,7 @@ def _marks(annotation: Any) -> list[Any]:
 
 
 def _words(info: FieldInfo) -> tuple[str, ...]:
-    """The words that a field may be, if it is one of some."""
+    """Return the words that a field accepts, if it accepts only some."""
     annotation = info.annotation
     if get_origin(annotation) is Literal and all(isinstance(word, str) for word in get_args(annotation)):
         return tuple(get_args(annotation))
@@ -144,7 +144,7 @@ def _whole(info: FieldInfo) -> bool:
 
 
 def _range(field: str, info: FieldInfo, kind: str, value: float) -> tuple[float, float, bool]:
-    """(low, high, whether it goes by factors) of a slider about a `value`, within what the field allows."""
+    """Return (lowest, highest value, True if logarithmic) of a slider about a `value`, within the bounds of the field."""
     marks = [*info.metadata, *_marks(info.annotation)]
     bounds: list[Any] = [mark.ge if isinstance(mark, Ge) else mark.gt for mark in marks if isinstance(mark, Ge | Gt)]
     least = max(map(float, bounds), default=None)

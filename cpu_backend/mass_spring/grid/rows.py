@@ -53,8 +53,8 @@ def make_row_springs(compiler: Compiler, real: Real, parts: frozenset[str]) -> S
 
     @compiler.row
     def pull_from_below(blocks, x, y, x_below, y_below, parameters, out_x, out_y):
-        """Write the pulls on a row's masses from those below; with the opposite sign these are the pulls on the row
-        below."""
+        """Write the spring forces on a row's masses from the row below. The row below gets the same forces with the
+        opposite sign."""
         stiffness, stiffness_rest = parameters.stiffness, parameters.stiffness_rest
         for j in range(blocks * block):
             pull_x, pull_y = spring_acceleration_2d(x_below[j] - x[j], y_below[j] - y[j], stiffness, stiffness_rest)
@@ -140,7 +140,7 @@ def make_later_parts(compiler: Compiler, real: Real, integrator: str, parts: fro
 
     @compiled
     def add_later_parts(i, column, blocks, layout, parameters, integers, step, sums, width):
-        """Add own forces to the sums of row `i` from `column` on."""
+        """Add the forces on single particles to the sums of row `i` from `column` on."""
         columns = layout[L_COLUMNS]
         count = min(blocks * block, columns - column)
         close_x, close_y = row_at(sums, CLOSE_X * width), row_at(sums, CLOSE_Y * width)

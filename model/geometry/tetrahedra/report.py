@@ -175,7 +175,7 @@ def _many(count: int, one: str, many: str = "") -> str:
 
 
 def _size(edges: tuple[float, ...]) -> str:
-    """`0.1 m`, or `0.1 x 0.05 x 0.05 m` of voxels that are no cubes."""
+    """Return the size of voxels in words: `0.1 m`, or `0.1 x 0.05 x 0.05 m` if they are not cubes."""
     sides = [f"{edge:.4g}" for edge in edges]
     return f"{sides[0] if len(set(sides)) == 1 else ' x '.join(sides)} m"
 

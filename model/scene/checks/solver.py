@@ -122,7 +122,7 @@ def _check_bending(scene: SceneParts) -> None:
 
 
 def _check_self_collision(scene: SceneParts) -> None:
-    """Raise SceneError where the sheet cannot keep the thickness."""
+    """Raise SceneError if the thickness of self-collision exceeds the spacing of the sheet."""
     part = scene.self_collision
     if part is not None and part.thickness > scene.grid.spacing:
         raise SceneError(
