@@ -8,7 +8,7 @@ import numpy as np
 
 from softlab.model.base.clock import START, Clock
 from softlab.model.base.types import Real
-from softlab.model.core.own_forces import force_fields, force_names, force_values
+from softlab.model.core.own_forces import force_fields, force_values
 from softlab.model.core.parameters import rounded_record
 from softlab.model.particles.fluid_set import FluidSet
 from softlab.model.scene.scene import Scene
@@ -114,11 +114,6 @@ def fluid_record(
     assert tuple(values) == FLUID_PARAMETERS, f"{set(values) ^ set(FLUID_PARAMETERS)} or their order differ"
     axes = scene.dimensions
     return rounded_record(scene, force_values(scene, poke[:axes], axes) | values, FIELDS, real)
-
-
-def record_names(axes: int) -> tuple[str, ...]:
-    """Return the names of a record's constants, in their order."""
-    return (*force_names(axes), *FLUID_PARAMETERS)
 
 
 def _box(scene: Scene) -> dict[str, float]:

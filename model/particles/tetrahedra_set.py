@@ -152,11 +152,6 @@ class TetrahedraSet(ParticleRow):
         number: np.ndarray = np.cumsum(begins) - 1
         return number
 
-    @property
-    def extent(self) -> float:
-        """Longest side [m]."""
-        return float(np.ptp(self.position, axis=0).max())
-
     def chosen(self, word: str, body: str | None = None, field: str = "pinned") -> np.ndarray:
         """Return the vertices of a body, or of all, on a side, in a region or for `all`, (vertices,) int64, ascending.
 

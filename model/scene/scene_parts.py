@@ -80,6 +80,16 @@ def _part(kind: str) -> Any:
     return property(lambda scene: scene.one(kind))
 
 
+def _parts(*kinds: str) -> Any:
+    """Return a property: the scene's parts of these kinds, by name."""
+    return property(lambda scene: scene.all_of(*kinds))
+
+
+def _direct_parts(*kinds: str) -> Any:
+    """Return a property: the scene's parts of these kinds, by name; none in a world."""
+    return property(lambda scene: scene.direct_parts(*kinds))
+
+
 class SceneParts:
     """`parts` maps a part's name to its object, `kinds` the name to its kind.
 
@@ -221,11 +231,6 @@ class SceneParts:
         """Return the parts as by `all_of`; none in a world, whose members have them."""
         return {} if self.is_world else self.all_of(*kinds)
 
-    @property
-    def bodies(self) -> dict[str, Placed]:
-        """The scene's soft and rigid bodies, by the part's name."""
-        return self.direct_parts(*BODY_KINDS)
-
     @cached_property
     def body_set(self) -> BodySet:
         """All particles of the scene's bodies, made on first use. Raises SceneError, InputError (a body)."""
@@ -243,11 +248,6 @@ class SceneParts:
             return self.body_set.clusters.count
         return sum(member.cluster_count for member in self.members.values())
 
-    @property
-    def tetrahedra(self) -> dict[str, TetrahedralBody]:
-        """The scene's tetrahedral bodies, by the part's name."""
-        return self.direct_parts(*TETRAHEDRAL_KINDS)
-
     @cached_property
     def tetrahedra_set(self) -> TetrahedraSet:
         """All tetrahedral bodies together and the cloth beside them, made on first use. Raises SceneError, InputError
@@ -255,21 +255,6 @@ class SceneParts:
         return make_tetrahedra_set(
             self.tetrahedra, self.regions, self.attachment_parts, self.materials, self.all_of("mesh")
         )
-
-    @property
-    def fluids(self) -> dict[str, Fluid]:
-        """The scene's fluids, by the part's name."""
-        return self.direct_parts("fluid")
-
-    @property
-    def emitters(self) -> dict[str, Emitter]:
-        """The scene's emitters, by the part's name."""
-        return self.all_of("emitter")
-
-    @property
-    def sinks(self) -> dict[str, Sink]:
-        """The scene's sinks, by the part's name."""
-        return self.all_of("sink")
 
     @property
     def flows(self) -> bool:
@@ -325,29 +310,22 @@ class SceneParts:
         return motions
 
     @property
-    def attachment_parts(self) -> dict[str, Attachment]:
-        """Attachments of tetrahedral bodies and a cloth to the world, colliders and one another, by the part's name."""
-        return self.direct_parts("attachment")
-
-    @property
     def holdable(self) -> dict[str, Part]:
         """The parts that can be attached, by name: tetrahedral bodies, then a cloth beside them."""
         return self.tetrahedra | self.direct_parts("mesh")
 
-    @property
-    def regions(self) -> dict[str, Region]:
-        """The regions of tetrahedral bodies, by the part's name."""
-        return self.all_of("region")
-
-    @property
-    def materials(self) -> dict[str, Material]:
-        """The materials of tetrahedra in regions, by the part's name."""
-        return self.all_of("material")
-
-    @property
-    def loads(self) -> dict[str, Load]:
-        """The masses that differ from the sheet's, by the part's name."""
-        return self.all_of("load")
+    # Parts by name, in the order of the file; those of a family are the members' in a world.
+    attachment_parts: dict[str, Attachment] = _direct_parts(
+        "attachment"
+    )  # of bodies and a cloth to the world, colliders and one another
+    bodies: dict[str, Placed] = _direct_parts(*BODY_KINDS)  # soft and rigid
+    emitters: dict[str, Emitter] = _parts("emitter")
+    fluids: dict[str, Fluid] = _direct_parts("fluid")
+    loads: dict[str, Load] = _parts("load")  # masses that differ from the sheet's
+    materials: dict[str, Material] = _parts("material")  # of tetrahedra in regions
+    regions: dict[str, Region] = _parts("region")  # of tetrahedral bodies
+    sinks: dict[str, Sink] = _parts("sink")
+    tetrahedra: dict[str, TetrahedralBody] = _direct_parts(*TETRAHEDRAL_KINDS)
 
     attachments: Attachments | None = _part("attachments")
     contact: Contact | None = _part("contact")  # collisions between bodies
