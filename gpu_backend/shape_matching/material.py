@@ -24,14 +24,9 @@ class ClusterMaterial:
     `plastic`: the state's strains, three quads per cluster, rows; `bent`: those of a look at the state."""
 
     def __init__(
-        self,
-        clusters: Clusters,
-        particle_order: np.ndarray,
-        parts: frozenset[str],
-        real: Real,
-        math: str,
+        self, clusters: Clusters, particle_order: np.ndarray, parts: frozenset[str], real: Real, math: str,
         stream: Stream,
-    ):
+    ):  # fmt: skip
         self._clusters, self._particle_order, self._real, self._stream = clusters, particle_order, real, stream
         self.shaped, self.plastic_parts, self.damped = shaping(parts), "plastic" in parts, "cluster_damping" in parts
         count = ROWS * SIZE * clusters.count

@@ -172,12 +172,7 @@ class Rebounds:
         self._kernels.differ[self._flat](velocity, self.impulses)
 
     def run(
-        self,
-        position: DeviceArray,
-        velocity: DeviceArray,
-        entries: Arguments,
-        leans: DeviceArray,
-        gathered: Arguments,
+        self, position: DeviceArray, velocity: DeviceArray, entries: Arguments, leans: DeviceArray, gathered: Arguments
     ) -> None:
         """Update the velocities by the clusters' responses; other arrays as of the solver's other kernels."""
         blocks = max(1, -(-self._clusters.count // TOGETHER)), THREADS, self._stream

@@ -211,12 +211,7 @@ class RigidMotion:
             self.ends.rest[self._blocks](before, position, velocity, entries[0], entries[2], self._whole)
 
     def steady(
-        self,
-        position: DeviceArray,
-        velocity: DeviceArray,
-        entries: Arguments,
-        leans: DeviceArray,
-        gathered: Arguments,
+        self, position: DeviceArray, velocity: DeviceArray, entries: Arguments, leans: DeviceArray, gathered: Arguments
     ) -> None:
         """Replace velocities by rigid motions of the same momenta."""
         self._gather[self._blocks](position, velocity, *entries, leans, self._motions)

@@ -86,12 +86,9 @@ def make_accelerations(compiler: Compiler, real: Real, parts: frozenset[str], ki
 
 
 def make_spring_rows(
-    compiler: Compiler,
-    real: Real,
-    parts: frozenset[str],
-    scratches: SimpleNamespace,
+    compiler: Compiler, real: Real, parts: frozenset[str], scratches: SimpleNamespace,
     make: Callable = make_accelerations,
-) -> Callable:
+) -> Callable:  # fmt: skip
     """Make spring_rows(i, across, blocks, layout, source, parameters, scratch, width): the accelerations by the springs that
     lead from row `i` down and, if `across`, to the right; 0 for those that would lead out of the sheet. `make`: of the
     springs."""

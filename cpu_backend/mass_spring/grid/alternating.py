@@ -16,12 +16,9 @@ from softlab.model.base.types import Real
 
 
 def make_alternating_rows(
-    compiler: Compiler,
-    real: Real,
-    spring_acceleration_2d: Callable,
-    sum_accelerations: Callable,
+    compiler: Compiler, real: Real, spring_acceleration_2d: Callable, sum_accelerations: Callable,
     with_gravity: Callable,
-) -> SimpleNamespace:
+) -> SimpleNamespace:  # fmt: skip
     """Make `spring_constants`, `pull_from_below`, `sum_row` from the functions of mass_spring/grid/rows.py."""
     block = block_of(real)
 
