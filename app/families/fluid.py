@@ -61,11 +61,7 @@ def fluid_report(simulation: Any, state: State) -> dict[str, Any]:
     if not np.isfinite(state.position).all():
         return speeds
     mean, largest = compression(scene, state.position)
-    return {
-        "mean_compression": mean,
-        "largest_compression": largest,
-        "height": height(scene, state.position),
-    } | speeds
+    return {"mean_compression": mean, "largest_compression": largest, "height": height(scene, state.position)} | speeds
 
 
 FLUID = Presentation(

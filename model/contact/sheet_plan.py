@@ -31,10 +31,7 @@ def present_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset
 
     `alternating` has no stage: it selects the stiffness of a spring.
     """
-    needed = {
-        "springs": scene.springs or "stiffness" in live,
-        "alternating": scene.springs and scene.springs.alternate,
-    }
+    needed = {"springs": scene.springs or "stiffness" in live, "alternating": scene.springs and scene.springs.alternate}
     return frozenset(sheet_parts(scene, live) | {name for name, does in needed.items() if does})
 
 

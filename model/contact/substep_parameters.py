@@ -21,12 +21,7 @@ from softlab.model.core.stability.springs import matching_stiffness
 from softlab.model.scene.scene import Scene
 from softlab.model.tables.cloth import CONSTRAINT_KINDS
 
-OF_SHEETS = (
-    "structural",
-    "stiff",
-    "shear",
-    "bending",
-)  # stiff: every second structural one, where a grid's alternate
+OF_SHEETS = ("structural", "stiff", "shear", "bending")  # stiff: every second structural one, where a grid's alternate
 CONSTRAINTS = (*OF_SHEETS, *(kind for kind in CONSTRAINT_KINDS if kind not in OF_SHEETS))
 CONSTANTS = (
     "rest",  # m

@@ -22,16 +22,7 @@ from softlab.model.contact.particle_parameters import (
     PAIRS,
 )
 from softlab.model.core.parameters import rounded_record
-from softlab.model.formulas.contact import (
-    FACE,
-    FIRST,
-    FIRST_SECOND,
-    FIRST_THIRD,
-    SECOND,
-    SECOND_THIRD,
-    SHEET,
-    THIRD,
-)
+from softlab.model.formulas.contact import FACE, FIRST, FIRST_SECOND, FIRST_THIRD, SECOND, SECOND_THIRD, SHEET, THIRD
 from softlab.model.geometry.arithmetic.ordered import norm
 from softlab.model.geometry.lists import Lists, grouped, offsets_of
 from softlab.model.particles.tetrahedra_set import TetrahedraSet

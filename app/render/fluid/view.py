@@ -16,12 +16,7 @@ from softlab.app.render.fluid.plane import PlaneFluid
 from softlab.app.render.fluid.surface import FluidSurface
 from softlab.app.render.particle_colours import of_numbers
 from softlab.app.render.spheres import Spheres
-from softlab.app.render.vertex_arrays import (
-    delete_all,
-    square_array,
-    static_buffer,
-    vertex_array,
-)
+from softlab.app.render.vertex_arrays import delete_all, square_array, static_buffer, vertex_array
 from softlab.app.render.view import View
 from softlab.model.base.errors import InputError
 from softlab.model.core.simulation import Simulation

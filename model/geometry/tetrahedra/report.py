@@ -82,11 +82,7 @@ class Report:
 
     def brief(self, mass: float) -> list[str]:
         """Return the lines that a run prints of a body that weighs `mass` [kg], materials of regions included."""
-        return [
-            f"{self._built()}; {mass:.6g} kg, {self._volume()}",
-            self._moments_line(mass / self.volume),
-            *self.told,
-        ]
+        return [f"{self._built()}; {mass:.6g} kg, {self._volume()}", self._moments_line(mass / self.volume), *self.told]
 
     def _built(self) -> str:
         voxels = ""
