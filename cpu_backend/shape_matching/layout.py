@@ -114,11 +114,8 @@ def layout_of(clusters: Clusters, bounds: Bounds, real: Real, threads: int) -> L
     of_entry[place] = np.arange(len(place))
 
     particle_starts, owners, particle_entries = clusters_of_particles(clusters, slots, count)
-    of_particle: tuple[np.ndarray, ...] = (
-        particle_starts,
-        owners,
-        np.ascontiguousarray(clusters.rest[particle_entries], real).reshape(-1),
-    )
+    rest: np.ndarray = np.ascontiguousarray(clusters.rest[particle_entries], real).reshape(-1)
+    of_particle = particle_starts, owners, rest
     arrays = arrays._replace(straight=straight.astype(np.uint8))
 
     one = (np.diff(first_cluster) == 1) & (particles > 0)

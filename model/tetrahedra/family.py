@@ -21,7 +21,7 @@ from softlab.model.tetrahedra.constraints import CONSTANTS, constraint_sets, tet
 from softlab.model.tetrahedra.contact_sag import sag_lines
 from softlab.model.tetrahedra.damping_load import damping_lines
 from softlab.model.tetrahedra.material import energies
-from softlab.model.tetrahedra.partitions import tetrahedra_partitions
+from softlab.model.tetrahedra.partitions import partitions_by, projected
 
 
 def tetrahedra_record(
@@ -82,6 +82,6 @@ TETRAHEDRA = SolverFamily(
     reference="softlab.bench.reference.tetrahedra",
     presentation="softlab.app.families.tetrahedra:TETRAHEDRA",
     apart=tetrahedra_apart,
-    partitions=tetrahedra_partitions,
+    partitions=lambda scene: partitions_by(scene, projected),
     unknown="tetrahedra have no converged reference; softlab tetrahedra measures how far a bar is from rest",
 )

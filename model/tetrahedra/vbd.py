@@ -22,9 +22,10 @@ from softlab.model.core.stability.projection import with_limit
 from softlab.model.scene.scene import Scene
 from softlab.model.tetrahedra.constraints import through_note
 from softlab.model.tetrahedra.descent import SCALE, vbd_plan
-from softlab.model.tetrahedra.descent_partitions import descent_partitions
+from softlab.model.tetrahedra.descent_partitions import descended
 from softlab.model.tetrahedra.family import TETRAHEDRA
 from softlab.model.tetrahedra.newton import CONSTANTS
+from softlab.model.tetrahedra.partitions import partitions_by
 
 
 def vbd_record(scene: Scene, real: Real, poke: tuple[float, ...] = (0.0, 0.0, 0.0), clock: Clock = START) -> np.ndarray:
@@ -53,6 +54,6 @@ TETRAHEDRA_VBD = replace(
         "cpu": "softlab.cpu_backend.tetrahedra.descent:VertexBlockDescent",
         "gpu": "softlab.gpu_backend.tetrahedra.descent:VertexBlockDescent",
     },
-    partitions=descent_partitions,
+    partitions=lambda scene: partitions_by(scene, descended),
     passes={"cpu": "softlab.app.plan.mesh:vertices_on_cpu", "gpu": "softlab.app.plan.mesh:vertices_on_gpu"},
 )

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from types import SimpleNamespace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -114,7 +114,7 @@ def make_row_step(compiler: Compiler, real: Real, integrator: str, parts: frozen
 
 
 def _make_row_in_one_loop(
-    compiler: Compiler, forces: SimpleNamespace, real: Real, finishes: dict[str, Any]
+    compiler: Compiler, forces: SimpleNamespace, real: Real, finishes: dict[str, Callable]
 ) -> Callable:
     block, zero, has_springs, verlet = forces.block, real(0), forces.has_springs, len(finishes) > 1
     spring_acceleration_2d, sum_accelerations, with_gravity = (
@@ -181,7 +181,7 @@ def _make_row_in_one_loop(
     return in_one_loop
 
 
-def make_finish_axis(compiler: Compiler, real: Real, finishes: dict[str, Any]) -> Callable:
+def make_finish_axis(compiler: Compiler, real: Real, finishes: dict[str, Callable]) -> Callable:
     """Make finish_axis(kind, blocks, position, velocity, closing, opening, parameters, new_position, new_velocity): it
     integrates one axis of a row from its sums of accelerations by `finishes` (of `make_finishes`)."""
     block, verlet = block_of(real), len(finishes) > 1
@@ -213,7 +213,7 @@ def make_finish_axis(compiler: Compiler, real: Real, finishes: dict[str, Any]) -
 
 
 def _make_row_through_sums(
-    compiler: Compiler, forces: SimpleNamespace, real: Real, finishes: dict[str, Any]
+    compiler: Compiler, forces: SimpleNamespace, real: Real, finishes: dict[str, Callable]
 ) -> Callable:
     two_sums = forces.two_sums
     sum_row, add_later_parts = forces.sum_row, forces.add_later_parts
