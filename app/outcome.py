@@ -12,14 +12,14 @@ OK, INCOMPLETE, DIVERGED = "ok", "incomplete", "diverged"
 
 
 def outcome_of(report: Mapping[str, Any], diverged: Diverged | None = None) -> str:
-    """The outcome of a run whose `report` holds counts of FAULTS, those that its scene can have."""
+    """Return the outcome of a run in one word. `report` contains the counts of FAULTS that apply to its scene."""
     if diverged is not None:
         return DIVERGED
     return INCOMPLETE if any(report.get(name) for name in FAULTS) else OK
 
 
 def fault_lines(report: Mapping[str, Any]) -> list[str]:
-    """A sentence for each fault of a run: what is wrong, how much, and what helps."""
+    """Return a sentence for each fault of a run: what is wrong, by how much, and what helps."""
     lines = []
     if lost := report.get("contacts_lost"):
         lines.append(
@@ -52,6 +52,6 @@ def fault_lines(report: Mapping[str, Any]) -> list[str]:
 
 
 def fault_words(report: Mapping[str, Any]) -> str:
-    """The faults of a run in a few words: `3 contacts lost, 13 inverted`."""
+    """Return the faults of a run in a few words: `3 contacts lost, 13 inverted`."""
     counts = {name: report.get(name) or 0 for name in FAULTS}
     return ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in counts.items() if count)

@@ -17,16 +17,6 @@ from softlab.model.core.state import State
 from softlab.model.scene.scene import Scene
 
 
-def no_counts(scene: Scene) -> dict[str, Any]:
-    """Return {}."""
-    return {}
-
-
-def no_report(simulation: Any, state: State) -> dict[str, Any]:
-    """Return {}."""
-    return {}
-
-
 def largest_strain(scene: Scene, position: np.ndarray, arrays: Arrays) -> float | None:
     """Return the size of the largest strain; 0 where there is none."""
     strain = spring_strain(scene, position, arrays=arrays)
@@ -82,9 +72,9 @@ class Presentation:
     lines: Callable[[Scene], list[tuple[np.ndarray, float]]] = lambda scene: []
     pieces: Callable[[Scene, np.ndarray, np.ndarray | None, np.ndarray | None], Any] | None = None
     view_options: Callable[[], tuple[str, ...]] = tuple
-    counts: Callable[[Scene], dict[str, Any]] = no_counts
+    counts: Callable[[Scene], dict[str, Any]] = lambda scene: {}
     size: Callable[[Scene], str] = number_of_particles
-    report: Callable[[Any, State], dict[str, Any]] = no_report
+    report: Callable[[Any, State], dict[str, Any]] = lambda simulation, state: {}
     max_strain: Callable[[Scene, np.ndarray, Arrays], float | None] = largest_strain
     drawn: Callable[[Scene], tuple[str, ...]] = lambda scene: ()
     legend: Callable[[Scene], str | None] = lambda scene: None

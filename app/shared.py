@@ -101,7 +101,7 @@ def _opener(scene: Scene, count: int) -> str | None:
 
 
 def _check_link(opener: str | None, link: str | None) -> None:
-    """Raise SceneError for a `link` given with an `opener` that needs none; None: not given."""
+    """Raise SceneError for a `link` that `opener` does not take. `link` None: none was requested."""
     if opener is not None and link is not None:
         reason = f"applies to a sheet that is shared by its rows: {NO_LINK[opener]}; leave it out"
         raise SceneError("--link", link, reason)

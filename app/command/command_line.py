@@ -183,7 +183,8 @@ def drop_output() -> None:
 
 @contextmanager
 def compilations_shown(console: Console = errors) -> Iterator[None]:
-    """Within it, print on a terminal each kernel that is compiled, and how long that took last time on this machine."""
+    """Context manager that prints each kernel that is compiled to a terminal, and how long this took last time on this
+    machine."""
     from softlab.app.command.waiting import waiting_shown
     from softlab.model.base.kernel_cache import watched
 

@@ -97,7 +97,7 @@ def _names(columns: Sequence[Column]) -> list[int]:
 
 
 def _part(table: Table, widths: Sequence[int], columns: Sequence[int]) -> Table:
-    """Return these columns of a table, with these widths, without its title."""
+    """Return a table of these columns only, with these widths and without the title."""
     part = copy.copy(table)
     part.title = None
     part.columns = []

@@ -73,17 +73,17 @@ class ClipView:
         self.observe(simulation, 0)
 
     def steps_to_next(self, done: int) -> int:
-        """Steps from step `done` to the next frame."""
+        """Return the number of steps from step `done` to the next frame."""
         return self.every - done % self.every
 
     def observe(self, simulation: Simulation, done: int) -> None:
-        """Widen the view for the current state, if it is a frame."""
+        """Enlarge the view to contain the current state, if it is a frame."""
         if done % self.every == 0:
             self._renderer.fit(simulation.read("position"), simulation.time)
 
     @property
     def fitted(self) -> Fitted:
-        """The view that contains every frame so far."""
+        """Return the view that contains every frame so far."""
         return self._renderer.fitted
 
     def __enter__(self) -> ClipView:

@@ -69,8 +69,8 @@ def start_ranks(count: int, arguments: Sequence[str]) -> int:
 
 
 def rank_status(status: int) -> int:
-    """Return the exit status of this process: its own, or 0 if `start_ranks` waits for that of rank 0, so that the
-    launcher prints no message of its own."""
+    """Return the exit status of this process. If `start_ranks` waits for rank 0 it is 0, so that the launcher prints no
+    error message of its own."""
     file = os.environ.get(STATUS_FILE)
     if file is not None and launched_rank() == 0:
         Path(file).write_text(str(status))

@@ -192,7 +192,8 @@ def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Resul
         _write_results(result, request, recorder, simulation, start, view, foaming.points if foaming else None)
         if diverged is not None:
             notes.append(f"the numbers above are of the last good state, at step {state.step}")
-        if simulation.backend == "cpu" and simulation.threads > 1 and _spins() and _crowded():
+        waits = simulation.backend == "cpu" and simulation.threads > 1 and wait_policy() not in ("brief", "passive")
+        if waits and psutil.getloadavg()[0] > core_count() + 0.5:  # threads spin, and other programs have been running
             notes.append(
                 "other programs use the cores, which slows threads that wait for one another: "
                 "unset OMP_WAIT_POLICY and GOMP_SPINCOUNT, or use --threads auto"
@@ -200,18 +201,8 @@ def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Resul
     return result
 
 
-def _spins() -> bool:
-    """Return True if idle threads keep their cores busy for long."""
-    return wait_policy() not in ("brief", "passive")
-
-
-def _crowded() -> bool:
-    """Return True if more programs than there are cores have been running lately."""
-    return psutil.getloadavg()[0] > core_count() + 0.5
-
-
 class Observer(Protocol):
-    """Gets the state during a run, every so many steps."""
+    """Receives the state every few steps of a run."""
 
     def steps_to_next(self, done: int) -> int: ...
     def observe(self, simulation: Simulation, done: int) -> None: ...

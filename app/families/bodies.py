@@ -9,6 +9,7 @@ import numpy as np
 from softlab.app.output.pieces import Piece, skinned
 from softlab.app.presentation import Presentation
 from softlab.app.render import colours
+from softlab.app.render.detail import Detail
 from softlab.app.render.framing import landing_places
 from softlab.model.core.energy import spring_strain
 from softlab.model.core.spare import Counts, copies_there, counts
@@ -16,7 +17,7 @@ from softlab.model.particles.body_set import Copy
 from softlab.model.scene.scene import Scene
 
 
-def _view(scene: Scene, detail: Any, quick: bool, first_colour: int) -> Any:
+def _view(scene: Scene, detail: Detail, quick: bool, first_colour: int) -> Any:
     from softlab.app.render.bodies.view import BodiesView
 
     return BodiesView(scene, detail)

@@ -10,6 +10,7 @@ import numpy as np
 from softlab.app.output.pieces import Piece, in_space
 from softlab.app.presentation import Presentation
 from softlab.app.render import colours
+from softlab.app.render.detail import Detail
 from softlab.app.render.framing import tank
 from softlab.model.base.components import named
 from softlab.model.core.state import State
@@ -20,7 +21,7 @@ from softlab.model.scene.scene import Scene
 MAX_MEASURED = 30_000  # particles whose densities are computed in passing: a tenth of a second
 
 
-def _view(scene: Scene, detail: Any, quick: bool, first_colour: int) -> Any:
+def _view(scene: Scene, detail: Detail, quick: bool, first_colour: int) -> Any:
     from softlab.app.render.fluid.view import FluidView
 
     return FluidView(scene, detail, shaped=not quick)
@@ -60,11 +61,7 @@ def fluid_report(simulation: Any, state: State) -> dict[str, Any]:
     if not np.isfinite(state.position).all():
         return speeds
     mean, largest = compression(scene, state.position)
-    return {
-        "mean_compression": mean,
-        "largest_compression": largest,
-        "height": height(scene, state.position),
-    } | speeds
+    return {"mean_compression": mean, "largest_compression": largest, "height": height(scene, state.position)} | speeds
 
 
 FLUID = Presentation(

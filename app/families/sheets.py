@@ -10,6 +10,7 @@ import numpy as np
 from softlab.app.output.pieces import Piece, in_space
 from softlab.app.presentation import Presentation, largest_strain, number_of_particles
 from softlab.app.render import colours
+from softlab.app.render.detail import Detail
 from softlab.app.render.drawn_springs import alike, drawn_kinds
 from softlab.app.render.legends import STRAIN_TITLE, ZERO_REST_TITLE
 from softlab.model.contact.cloth_parameters import REST_LENGTHS
@@ -22,7 +23,7 @@ from softlab.model.position_based.mesh_constraints import edges_of
 from softlab.model.scene.scene import Scene
 
 
-def _view(scene: Scene, detail: Any, quick: bool, first_colour: int) -> Any:
+def _view(scene: Scene, detail: Detail, quick: bool, first_colour: int) -> Any:
     from softlab.app.render.sheet_view import SheetView
 
     return SheetView(scene, detail)

@@ -9,6 +9,7 @@ import numpy as np
 from softlab.app.output.pieces import Piece
 from softlab.app.presentation import Presentation
 from softlab.app.render import colours
+from softlab.app.render.detail import Detail
 from softlab.app.render.drawn_springs import alike
 from softlab.app.render.legends import EDGE_TITLE
 from softlab.model.base.components import named
@@ -17,7 +18,7 @@ from softlab.model.geometry.normals import mesh_normals
 from softlab.model.scene.scene import Scene
 
 
-def _view(scene: Scene, detail: Any, quick: bool, first_colour: int) -> Any:
+def _view(scene: Scene, detail: Detail, quick: bool, first_colour: int) -> Any:
     from softlab.app.render.tetrahedra_view import TetrahedraView
 
     return TetrahedraView(scene, detail, first_colour)

@@ -10,15 +10,16 @@ import numpy as np
 from softlab.app.families.fluid import speed_report
 from softlab.app.families.sheets import SHEET
 from softlab.app.presentation import largest_strain, number_of_particles, presentation_of
+from softlab.app.render.detail import Detail
 from softlab.model.core.spare import Counts, counts
 from softlab.model.core.state import State
 from softlab.model.scene.scene import Scene
 
 
-def _view(scene: Scene, detail: Any, quick: bool, first_colour: int) -> Any:
+def _view(scene: Scene, detail: Detail, quick: bool, first_colour: int) -> Any:
     from softlab.app.render.world_view import WorldView
 
-    def make(member: Scene, of_member: Any, colour: int = 0) -> Any:
+    def make(member: Scene, of_member: Detail, colour: int = 0) -> Any:
         return presentation_of(member).view(member, of_member, quick, colour)
 
     return WorldView(scene, make, detail)

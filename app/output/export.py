@@ -101,7 +101,7 @@ class Exporter:
 
     @property
     def stopped(self) -> str:
-        """Description of the files of an interrupted run; every file is whole."""
+        """Return a description of the files of an interrupted run; every file is complete."""
         count = len(self.written)
         if not count:
             return "stopped; nothing was exported yet"

@@ -67,7 +67,7 @@ class OffscreenRenderer:
         self._window = open_window(True, width, height)
         try:
             self.renderer = renderer_name()
-            self._view: Any = view_of(scene)
+            self._view = view_of(scene)
             if lines and not self._view.lines:
                 self._view.toggle_lines()
             if view_options:
@@ -128,8 +128,8 @@ class OffscreenRenderer:
             self._view.show_bodies(inverse_mass)
 
     def fit(self, position: np.ndarray, time: float = 0.0) -> None:
-        """Widen view and range of colours to contain a state (particles, dimensions) [m] at `time` [s]; not after
-        `fix`."""
+        """Enlarge the view and the range of colours to contain a state (particles, dimensions) [m] at `time` [s]; not
+        after `fix`."""
         if self._fixed:
             return
         self._frame(position, time)
@@ -140,7 +140,7 @@ class OffscreenRenderer:
 
     @property
     def fitted(self) -> Fitted:
-        """The view and the range of colours of `fit` so far."""
+        """Return the view and the range of colours of `fit` so far."""
         return Fitted(self.camera, self.strain_range)
 
     def fix(self, fitted: Fitted) -> None:
@@ -153,7 +153,7 @@ class OffscreenRenderer:
         return bool(self._view.wants_velocity)
 
     def show_foam(self, points: FoamPoints | None) -> None:
-        """Show these spray and foam particles of a fluid."""
+        """Show the spray and foam particles `points` of a fluid."""
         if points is not None:
             self._view.show_foam(points)
 
@@ -179,7 +179,7 @@ class OffscreenRenderer:
 
     @property
     def transfer(self) -> str:
-        """Transfer of the last state to the drawing, in words."""
+        """Return in words how the last state was transferred to the graphics card."""
         return self._view.vertices.transfer
 
     def _draw(self, time: float) -> None:

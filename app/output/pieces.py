@@ -48,7 +48,7 @@ def pieces_of(
 
 
 def in_space(position: np.ndarray) -> np.ndarray:
-    """Return positions (particles, 3) [m]; those in a plane have z = 0."""
+    """Return positions (particles, 3) [m]; z is 0 for scenes in the plane."""
     return position if position.shape[1] == 3 else np.pad(position, ((0, 0), (0, 1)))
 
 

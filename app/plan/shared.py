@@ -24,7 +24,7 @@ LINES = 16  # of domains that are listed
 
 
 def _more(count: int) -> list[str]:
-    """Return the line for those that are not listed."""
+    """Return the line that stands for the entries which are not listed."""
     return [f"  and {count - LINES} more"] if count > LINES else []
 
 
@@ -56,7 +56,7 @@ class SharedPlan:
 
     @property
     def bytes_per_step(self) -> float:
-        """Bytes of a step, likewise."""
+        """Bytes of a step, from a window to a neighbour, each way."""
         return self.message / self.decomposition.interval
 
     @property
@@ -221,7 +221,7 @@ class SlabsPlan:
 
     @property
     def repeated(self) -> float:
-        """Particles that are computed besides their owner's, relative to all."""
+        """Computed particles that another window owns, relative to all particles."""
         owned, stored, _ = self.counts.sum(axis=0)
         return float(stored / owned - 1)
 
@@ -232,7 +232,7 @@ class SlabsPlan:
 
     @property
     def gain(self) -> float:
-        """Upper bound of the speedup: particles over those that the fullest slab computes."""
+        """Upper bound of the speedup: all particles over those that the fullest slab computes."""
         return float(self.counts[:, 0].sum() / self.counts[:, 1].max())
 
     def as_dict(self) -> dict[str, Any]:

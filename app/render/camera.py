@@ -36,7 +36,7 @@ def finite_bounds(position: np.ndarray) -> tuple[float, ...] | None:
 
 
 def joined_bounds(every: Sequence[Sequence[float]]) -> tuple[float, ...]:
-    """The box around boxes, each as `finite_bounds` gives it; at least one."""
+    """Return the box around at least one box in the form of `finite_bounds`."""
     half = len(every[0]) // 2
     low = np.min([bounds[:half] for bounds in every], axis=0)
     high = np.max([bounds[half:] for bounds in every], axis=0)
@@ -56,7 +56,7 @@ class Camera(ABC):
     @property
     @abstractmethod
     def target(self) -> np.ndarray:
-        """(dimensions,) [m], what lies in the middle of the window."""
+        """Point that is shown in the middle of the window, (dimensions,) [m]."""
 
     def _aim(self, target: np.ndarray) -> None:
         for name, part in zip("xyz", target.tolist(), strict=False):
@@ -65,7 +65,7 @@ class Camera(ABC):
     @property
     @abstractmethod
     def axes(self) -> np.ndarray:
-        """(dimensions, dimensions): rows are the unit vectors to the right, up, and, in space, toward the viewer."""
+        """Unit vectors to the right, up, and, in space, toward the viewer, as rows, (dimensions, dimensions)."""
 
     @property
     @abstractmethod
@@ -75,19 +75,21 @@ class Camera(ABC):
     @property
     @abstractmethod
     def focal(self) -> float:
-        """Pixels per unit of tangent: what a metre has at a metre's depth."""
+        """Pixels per unit of tangent: the size of a metre at a distance of a metre."""
 
     @abstractmethod
     def project(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(..., dimensions) metres -> (..., 2) pixels and (...,) metres of depth; pixels are NaN for what is not in front."""
+        """Project points (..., dimensions) [m]; returns pixels (..., 2), NaN for points that are not in front, and
+        depths (...,) [m]."""
 
     @abstractmethod
     def on_plane(self, x: float, y: float, through: Sequence[float] | np.ndarray) -> tuple[float, ...]:
-        """The point [m] under the pixel (x, y) in the plane parallel to the window through a point `through` [m]."""
+        """Return the point [m] under the pixel (x, y) in the plane parallel to the window through the point `through`
+        [m]."""
 
     @abstractmethod
     def magnify(self, factor: float) -> None:
-        """Show what lies at the target's depth so much larger, within what can be drawn."""
+        """Magnify what is at the target's depth by `factor`, within the limits of drawing."""
 
     def aim(self, part: CameraPart | None) -> None:
         """Look where a scene's `camera` table says, as far as it does."""
@@ -97,11 +99,11 @@ class Camera(ABC):
             self.magnify(self.height / part.size / self.scale)
 
     def to_window(self, position: np.ndarray) -> np.ndarray:
-        """(..., dimensions) metres -> (..., 2) pixels; NaN for what is not in front."""
+        """Project points (..., dimensions) [m] to pixels (..., 2); NaN for points that are not in front."""
         return self.project(position)[0]
 
     def direction(self, columns: int, rows: int) -> tuple[float, ...]:
-        """The unit vector that points as an arrow key does in the window."""
+        """Return the unit vector in the direction of an arrow key in the window."""
         right, up = self.axes[:2]
         return tuple((columns * right + rows * up).tolist())
 
@@ -111,7 +113,7 @@ class Camera(ABC):
         self._aim(self.target - (dx * right + dy * up) / self.scale)
 
     def zoom(self, factor: float, x: float, y: float) -> None:
-        """Magnify by `factor`; at the target's depth the window point (x, y) keeps showing the same place."""
+        """Magnify by `factor`; the place at the target's depth under the window point (x, y) stays there."""
         before = np.array(self.on_plane(x, y, self.target))
         self.magnify(factor)
         self._aim(self.target + before - self.on_plane(x, y, self.target))
@@ -184,11 +186,12 @@ class Camera2D(Camera):
         return Camera2D(self.width, self.height, x, y, scale)
 
     def holding(self, points: np.ndarray, margins: Margins, radius: float = 0.0) -> Camera2D:
-        """One that shows all `points` (n, 2) [m] inside the margins, no side shorter than twice the `radius` [m]."""
+        """Return a camera of the same window that shows all `points` (n, 2) [m] inside the margins. No side is shorter
+        than twice the `radius` [m]."""
         return self.framing(self.outermost(points, margins).ravel().tolist(), margins, 2 * radius)
 
     def outermost(self, points: np.ndarray, margins: Margins, radius: float = 0.0) -> np.ndarray:
-        """Two corners that this camera would be the same for."""
+        """Return two corners for which this camera would be the same."""
         return np.array([points.min(axis=0), points.max(axis=0)])
 
 

@@ -213,7 +213,7 @@ def line_distance(size: float) -> float:
 
 
 def with_colliders(scene: Scene, bounds: Sequence[float], time: float) -> tuple[float, ...]:
-    """`bounds` of the masses as `finite_bounds` gives them, in space grown to hold the colliders at `time` [s] too; see
+    """Return `bounds` (in the form of `finite_bounds`); in space enlarged to contain the colliders at `time` [s] by
     `collider_boxes`."""
     half = len(bounds) // 2
     low, high = np.array(bounds[:half]), np.array(bounds[half:])

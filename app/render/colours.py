@@ -53,14 +53,16 @@ LEVELS = np.array(
 
 
 def level_colours(level: np.ndarray, most: float) -> np.ndarray:
-    """(...,) levels of 0 to `most` -> (..., 3) float32 colours in 0 to 1; what is not finite is as dark as the most."""
+    """Return the colours (..., 3) float32 in 0 to 1 of levels (...,) from 0 to `most`. Values that are not finite have
+    the colour of the largest."""
     fraction = np.clip(np.nan_to_num(np.asarray(level) / most, nan=1.0, posinf=1.0), 0, 1)
     places = np.linspace(0, 1, len(LEVELS))
     return np.stack([np.interp(fraction, places, LEVELS[:, k]) for k in range(3)], axis=-1).astype(np.float32)
 
 
 def strain_colours(strain: np.ndarray, strain_range: float) -> np.ndarray:
-    """(...,) strain -> (..., 3) float32 colours in 0 to 1; saturates at +-strain_range. The shader does the same."""
+    """Return the colours (..., 3) float32 in 0 to 1 of strains (...,), saturated at +-strain_range. The shader does the
+    same."""
     place = (np.clip(np.asarray(strain) / strain_range, -1, 1) + 1) * (len(STOPS) - 1) / 2
     low = np.minimum(place.astype(int), len(STOPS) - 2)
     fraction = (place - low)[..., None]
@@ -68,14 +70,15 @@ def strain_colours(strain: np.ndarray, strain_range: float) -> np.ndarray:
 
 
 def strain_range(strain: np.ndarray) -> float:
-    """A round range (1, 2 or 5 times a power of ten, at least 0.01) that holds all but the worst 2 % of |strain|."""
+    """Return a round range (1, 2 or 5 times a power of ten, at least 0.01) that contains all but the largest 2 % of
+    |strain|."""
     size = np.abs(strain[np.isfinite(strain)])
     worst = float(np.quantile(size, 0.98)) if len(size) else 0.0
     return round_up(min(max(worst, 0.01), 1e6))
 
 
 def round_up(worst: float) -> float:
-    """1, 2 or 5 times a power of ten, at least `worst` > 0."""
+    """Return the smallest 1, 2 or 5 times a power of ten that is at least `worst` > 0."""
     power = 10.0 ** np.floor(np.log10(worst * (1 + 1e-9)))
     for step in (1, 2, 5, 10):
         if worst <= step * power * (1 + 1e-9):

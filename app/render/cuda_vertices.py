@@ -134,7 +134,7 @@ class CudaVertices(HostVertices):
 
 
 def load_runtime() -> Any:
-    """CUDA's runtime as a module. Raises NotShared."""
+    """Import CUDA's runtime. Raises NotShared."""
     from softlab.gpu_backend.core.device import simulated
 
     if simulated():
@@ -161,7 +161,7 @@ def require_same_gpu(runtime: Any) -> None:
 
 
 def drawn_by() -> tuple[str, str]:
-    """(vendor, renderer) of the current OpenGL context, in its driver's words."""
+    """Return (vendor, renderer) of the current OpenGL context, as its driver names them."""
     import pyglet.gl
 
     context = pyglet.gl.current_context

@@ -11,21 +11,22 @@ ALIKE = 0.01  # of a rest length: strains are drawn as true as that
 
 
 def drawn_kinds(scene: Scene) -> list[str]:
-    """The kinds of a cloth's springs that are drawn as lines: bending ones lie on top of others, where there are others."""
+    """Return the kinds of a cloth's springs that are drawn as lines. Bending springs coincide with others and are drawn
+    only where there are no others."""
     kinds = list(scene.cloth_springs)
     return [kind for kind in kinds if kind != "bending"] or kinds
 
 
 def drawn_lines(scene: Scene) -> list[tuple[np.ndarray, float]]:
-    """[(ends (springs, 2), their rest length [m])]: the springs of a grid, or those of a cloth that are drawn, kind by kind.
-
-    Of a mesh by classes of rest lengths that differ by less than ALIKE, each with its mean.
-    """
+    """Return [(ends (springs, 2), their rest length [m])]: the springs of a grid, or the drawn ones of a cloth, kind by
+    kind. Edges of a mesh are grouped by rest lengths that differ by less than ALIKE; each group has its mean rest
+    length."""
     return presentation_of(scene).lines(scene)
 
 
 def alike(ends: np.ndarray, rest: np.ndarray) -> list[tuple[np.ndarray, float]]:
-    """`ends` (edges, 2) by classes of rest lengths (edges,) [m] that differ by less than ALIKE, each with its mean."""
+    """Return `ends` (edges, 2) grouped by rest lengths (edges,) [m] that differ by less than ALIKE, each group with its
+    mean."""
     number = np.floor(np.log(rest / rest.min()) / np.log1p(ALIKE)).astype(int) if len(rest) else rest
     return [(ends[number == n], float(rest[number == n].mean())) for n in np.unique(number)]
 

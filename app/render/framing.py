@@ -18,7 +18,8 @@ MIN_SLOPE = 0.2  # of a plane's unit normal upward: a steeper one is a wall, whi
 
 
 def seen_radius(scene: Scene) -> float:
-    """Radius [m] of the drawing of a mass: half the spacing, for bodies the largest one of their particles."""
+    """Return the radius [m] at which a mass is drawn: half the spacing, for bodies the largest spacing of their
+    particles."""
     return max((part.baked.spacing for part in scene.bodies.values()), default=scene.grid.spacing) / 2
 
 

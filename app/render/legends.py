@@ -10,6 +10,7 @@ import numpy as np
 from softlab.app.presentation import presentation_of
 from softlab.app.render import colours
 from softlab.app.render.panels import FONTS, rgba
+from softlab.app.render.view import View
 from softlab.model.core.build import pinned_indices
 from softlab.model.scene.scene import Scene
 
@@ -57,7 +58,8 @@ class Legend:
         )
 
     def place(self, width: int, most: float, title: str = "") -> None:
-        """Put it at the lower right of a window `width` pixels wide, with this range at its ends; under a `title`, if any."""
+        """Place the bar at the lower right of a window of `width` pixels, for strains from `-most` or levels from 0 to
+        `most`."""
         if self._shown == (width, most, title):
             return
         self._shown = (width, most, title)
@@ -81,8 +83,8 @@ class Legend:
 
 
 def range_texts(most: float, levels: bool) -> list[str]:
-    """Five numbers along a bar of colours: of strains from `-most`, of `levels` from 0, to `most`. Its ends are open: what is
-    beyond them has their colour."""
+    """Return five numbers along a bar of colours: of strains from `-most`, of `levels` from 0, to `most`. Values beyond
+    the ends have the colour of the end."""
     values = [most * (k / 4 if levels else (k - 2) / 2) for k in range(5)]
     texts = ["0" if v == 0 else f"{v:.3g}" if levels else f"{v:+.3g}".replace("-", MINUS) for v in values]
     return [texts[0] if levels else f"{AT_MOST} {texts[0]}", *texts[1:-1], f"{AT_LEAST} {texts[-1]}"]
@@ -107,7 +109,7 @@ class NameLegend:
         ]
 
     def place(self, width: int, above: int) -> None:
-        """Put it at the right of a window `width` pixels wide, `above` so many pixels."""
+        """Place the legend at the lower right of a window of `width` pixels, `above` pixels higher than its corner."""
         if self._shown == (width, above):
             return
         self._shown = (width, above)
@@ -138,11 +140,11 @@ class Legends:
             Legend(len(pinned_indices(scene.grid)) > 0, levels=True) if presentation_of(scene).levels else None
         )
 
-    def needed(self, view: Any) -> bool:
+    def needed(self, view: View) -> bool:
         """Return True if a legend belongs to what a view shows, or will show once it has a state."""
         return view.shows_levels or self._chosen(view) is not None or bool(view.name_legend())
 
-    def _chosen(self, view: Any) -> Legend | None:
+    def _chosen(self, view: View) -> Legend | None:
         if self._levels is not None and view.level_legend() is not None:
             return self._levels
         return self._strain if view.lines else None
@@ -155,7 +157,7 @@ class Legends:
         self._names.place(width, above)
         self._names.draw()
 
-    def draw(self, view: Any, width: int, strain_range: float) -> None:
+    def draw(self, view: View, width: int, strain_range: float) -> None:
         """Draw the legends of a view, if any, in a window `width` pixels wide."""
         chosen = self._chosen(view)
         self._draw_names(view.name_legend(), width, 0 if chosen is None else LEGEND_SPACE)
@@ -170,6 +172,6 @@ class Legends:
 
 
 def legend_of(scene: Scene) -> Legend | None:
-    """The legend of strains that a scene needs; None without strains."""
+    """Return the legend of strains that a scene needs; None without strains."""
     title = presentation_of(scene).legend(scene)
     return None if title is None else Legend(len(pinned_indices(scene.grid)) > 0, title)

@@ -27,10 +27,8 @@ WINDOW_REMEDY = (
 
 
 def load_pyglet(headless: bool) -> Any:
-    """The pyglet module, set up for a window (`headless` False) or for EGL.
-
-    Raises BackendUnavailable where this process already uses the other, or where pyglet cannot be loaded.
-    """
+    """Return the pyglet module, set up for a window (`headless` False) or for EGL. Raises BackendUnavailable where this
+    process already uses the other, or where pyglet cannot be loaded."""
     remedy = OFFSCREEN_REMEDY if headless else WINDOW_REMEDY
     try:
         import pyglet
@@ -92,7 +90,8 @@ def renderer_name() -> str:
 
 
 def shader_program(vertex: str, fragment: str, geometry: str | None = None) -> Any:
-    """A linked program of these sources. Needs a current context. Raises BackendUnavailable where the driver refuses it."""
+    """Compile and link a program from these sources. Needs a current context. Raises BackendUnavailable where the
+    driver refuses it."""
     from pyglet.graphics.shader import Shader, ShaderException, ShaderProgram
 
     try:

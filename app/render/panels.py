@@ -17,7 +17,7 @@ EDGE = (0.75, 0.77, 0.80)
 
 
 def rgba(colour: tuple[float, float, float], alpha: int = 255) -> tuple[int, int, int, int]:
-    """A colour of app/render/colours.py as pyglet takes it."""
+    """Return a colour of app/render/colours.py in pyglet's form."""
     red, green, blue = (round(255 * part) for part in colour)
     return red, green, blue, alpha
 

@@ -121,8 +121,8 @@ class Scenery:
         program.stop()
 
     def _end_planes(self, program: Any) -> None:
-        """Set where a plane and the shadows on it fade out: far away, and behind the other planes, if these stand still
-        and are no more than the shaders support."""
+        """Set where a plane and the shadows on it fade out: far away, and behind the other planes, if these do not move
+        and the shaders support as many."""
         planes = [collider for _, collider in self.scene.colliders if isinstance(collider, Plane)]
         if len(planes) > shaders3d.LIMITS or any(any(plane.velocity) for plane in planes):
             planes = []

@@ -14,13 +14,7 @@ from softlab.app.render.detail import FINE, Detail
 from softlab.app.render.drawn_springs import drawn_lines
 from softlab.app.render.opengl import shader_program
 from softlab.app.render.scenery import Drawn
-from softlab.app.render.vertex_arrays import (
-    delete_all,
-    draw_elements,
-    static_buffer,
-    uniform_matrix,
-    vertex_array,
-)
+from softlab.app.render.vertex_arrays import delete_all, draw_elements, static_buffer, uniform_matrix, vertex_array
 from softlab.app.render.view import View
 from softlab.model.core.build import pinned_indices
 from softlab.model.scene.scene import Scene

@@ -40,7 +40,7 @@ class Spheres:
         self._shadow.stop()
 
     def draw(self, camera: Camera3D, smooth: bool, balls: Iterable[Balls]) -> None:
-        """`smooth`: into a picture with several samples a pixel."""
+        """Draw the spheres. `smooth`: the picture has several samples per pixel."""
         from pyglet import gl
 
         program = self._lit.program
@@ -56,7 +56,7 @@ class Spheres:
         program.stop()
 
     def shade(self, camera: Camera3D, flatten: np.ndarray, centre: np.ndarray, array: Any, count: int) -> None:
-        """The shadows of `count` of them (see Scenery.draw_shadows)."""
+        """Draw the shadows of `count` spheres (see Scenery.draw_shadows)."""
         use_shadow(self._shadow, camera, flatten, centre)
         draw_squares(array, count)
         self._shadow.stop()

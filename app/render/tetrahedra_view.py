@@ -91,7 +91,7 @@ class TetrahedraView(SheetView):
     options = ("skin", "lines")
 
     def __init__(self, scene: Scene, detail: Detail = FINE, first_colour: int = 0):
-        """`first_colour`: the first body's, of those that bodies have."""
+        """Prepare the view. `first_colour`: number of the first body's colour among the colours of bodies."""
 
         super().__init__(scene, detail)
         tetrahedra = scene.tetrahedra_set
@@ -134,7 +134,7 @@ class TetrahedraView(SheetView):
         return self.skin
 
     def next_colouring(self) -> None:
-        """Colour by body, by stress, by strain, in turn."""
+        """Change the colouring: by body, by stress, by strain, in turn."""
         self._colour_by(COLOURINGS[(COLOURINGS.index(self.colouring) + 1) % len(COLOURINGS)])
 
     def _colour_by(self, name: str) -> None:

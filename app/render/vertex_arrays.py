@@ -12,7 +12,7 @@ APPEARANCE = 4  # likewise, those of app/render/bodies/shaders.py
 
 
 def static_buffer(data: np.ndarray) -> int:
-    """A buffer that holds `data` (C-contiguous) and is written to again seldom or never."""
+    """Return a buffer with `data` (C-contiguous) that is rarely or never written again."""
     from pyglet import gl
 
     buffer = gl.GLuint()
@@ -96,7 +96,7 @@ def draw_squares(array: Any, count: int) -> None:
 
 
 def uniform_matrix(matrix: np.ndarray) -> tuple[float, ...]:
-    """(4, 4) as OpenGL takes it: column by column."""
+    """Return a (4, 4) matrix in OpenGL's form: column by column."""
     return tuple(matrix.T.ravel().tolist())
 
 

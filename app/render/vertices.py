@@ -44,8 +44,11 @@ class HostVertices:
         return False
 
     def upload(self, simulation: Simulation, normals: bool = True, position: np.ndarray | None = None) -> None:
-        """The state of `simulation` now. `normals` False: only lines will be drawn. `position` (particles, dimensions)
-        float32: what the caller has read already."""
+        """Upload the current state of `simulation`.
+
+        `normals` False: only lines will be drawn. `position` (particles, dimensions) float32: positions that the caller
+        has already read.
+        """
         if position is None:
             with np.errstate(over="ignore", invalid="ignore"):  # a float64 world on its way out of float32
                 position = simulation.read("position", into=self._position)
@@ -54,10 +57,8 @@ class HostVertices:
             self.send(self.normal_buffer, simulation.read("normal", into=self._normal))
 
     def upload_state(self, position: np.ndarray, normals: bool = True, normal: np.ndarray | None = None) -> None:
-        """Positions (particles, dimensions) [m] of a state that no simulation holds, with its unit normals, if known.
-
-        Raises InputError for another shape.
-        """
+        """Upload positions (particles, dimensions) [m] that are not those of an open simulation, with unit normals if
+        known. Raises InputError for a wrong shape."""
         if position.shape != self._position.shape:
             raise InputError(f"position has shape {position.shape}, this scene needs {self._position.shape}")
         self.send(self.position_buffer, position)
@@ -69,8 +70,8 @@ class HostVertices:
 
     @staticmethod
     def send(buffer: int, array: Any, usage: int | None = None) -> None:
-        """A fresh store for `buffer`, which holds `array`: the driver need not wait until the last frame's vertices have
-        been drawn. `usage` None: written by the host for each frame."""
+        """Upload `array` into a new store of `buffer`: the driver need not wait until the last frame was drawn. `usage`
+        None: the host writes it every frame."""
         from pyglet import gl
 
         with np.errstate(over="ignore", invalid="ignore"):

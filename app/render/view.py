@@ -12,6 +12,7 @@ also draws (app/render/cuda_vertices.py).
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -49,6 +50,15 @@ class View(ABC):
     shows_levels = False  # whether colours are levels, as soon as they are known
     colourings: tuple[str, ...] = ()  # what `next_colouring` goes through
     options: tuple[str, ...] = ("lines",)  # what can be shown or hidden, each an attribute that `toggle_NAME` changes
+    # Of views with other `options` or `colourings`, of bodies, and of families with `view_options`:
+    skin: bool
+    particles: bool
+    foam: bool
+    colouring: str
+    toggle_skin: Callable[[], bool | None]
+    next_colouring: Callable[[], None]
+    show_bodies: Callable[[np.ndarray | None], None]
+    set_view_options: Callable[[Sequence[str]], None]
 
     def __init__(self, scene: Scene, detail: Detail = FINE):
         self.scene, self.space = scene, scene.dimensions == 3
@@ -117,7 +127,7 @@ class View(ABC):
         return False
 
     def show_foam(self, points: FoamPoints) -> None:  # noqa: B027 - others have no foam
-        """Draw these spray and foam particles of a fluid."""
+        """Draw the spray and foam particles `points` of a fluid."""
 
     def toggle_foam(self) -> bool | None:
         """Show or hide spray, foam and bubbles of fluids. Returns True if they are shown now, None without fluids."""
@@ -212,7 +222,7 @@ class View(ABC):
     def _style(
         self, size: float, fill: Any, rim: Any, toward: float, square: bool = False, hollow: bool = False
     ) -> None:
-        """`size`: pixels of the window."""
+        """Set size and colours of points. `size`: pixels of the window."""
         program = self._point_program
         program["point_size"], program["toward"] = size / self.detail.coarse, toward
         program["fill"], program["rim"] = fill, rim
@@ -235,7 +245,7 @@ class View(ABC):
 
 
 def _blend() -> None:
-    """Blend everything that is drawn from now on with what is there, by its alpha."""
+    """Blend everything that is drawn from now on with the picture, by its alpha."""
     from pyglet import gl
 
     gl.glEnable(gl.GL_BLEND)

@@ -11,11 +11,12 @@ from softlab.app.render.camera import Camera2D
 from softlab.app.render.camera3d import Camera3D
 from softlab.app.render.detail import FINE, usual_detail
 from softlab.app.render.opengl import renderer_name
+from softlab.app.render.view import View
 from softlab.model.base.errors import InputError
 from softlab.model.scene.scene import Scene
 
 
-def view_of(scene: Scene, quick: bool = False) -> Any:
+def view_of(scene: Scene, quick: bool = False) -> View:
     """Return a SheetView or, for bodies, a BodiesView or a TetrahedraView, for fluids a FluidView, for a world of these
     a WorldView, in the current OpenGL context. Raises BackendUnavailable.
 
@@ -26,8 +27,8 @@ def view_of(scene: Scene, quick: bool = False) -> Any:
 
 
 def camera_of(scene: Scene, width: int, height: int) -> Any:
-    """A Camera2D or, in space, a Camera3D for a window of `width` x `height` pixels, turned as the scene's camera table says
-    and yet to be pointed at something."""
+    """Return a Camera2D or, in space, a Camera3D for a window of `width` x `height` pixels. It has the direction of the
+    scene's camera table and no target yet."""
     if scene.dimensions != 3:
         return Camera2D(width, height)
     camera, part = Camera3D(width, height), scene.camera

@@ -14,7 +14,7 @@ from softlab.app.render.view import View
 from softlab.model.core.simulation import Simulation
 from softlab.model.scene.scene import Scene
 
-Parts = Callable[[Scene, Detail, int], Any]  # its scene, the detail, the first of its colours
+Parts = Callable[[Scene, Detail, int], View]  # its scene, the detail, the first of its colours
 
 
 class WorldView(View):
@@ -25,7 +25,7 @@ class WorldView(View):
     def __init__(self, scene: Scene, make: Parts, detail: Detail = FINE):
         super().__init__(scene, detail)
         self.vertices.shared = False  # each part has vertices of its own
-        self.parts: dict[str, Any] = {}
+        self.parts: dict[str, View] = {}
         colour = 0
         for name, member in scene.members.items():
             self.parts[name] = make(member, detail, colour)

@@ -33,7 +33,7 @@ class Compiling:
 
     @property
     def due(self) -> bool:
-        """True if the worlds are others than those that were warmed up last."""
+        """True if the worlds differ from those that were warmed up last."""
         return self._generation != self.demo.generation
 
     def update(self) -> bool:

@@ -51,7 +51,7 @@ class Demo(Steering):
         return bool(gravity and gravity.enabled)
 
     def toggle_pause(self) -> None:
-        """Pause or go on (space)."""
+        """Pause or continue (space)."""
         self.paused = not self.paused
         self.say("paused; press space to continue" if self.paused else "running")
 

@@ -79,7 +79,7 @@ def rates_text(demo: Demo, frame_seconds: float) -> str:
 
 
 def gravity_of(scene: Scene) -> float:
-    """Downward acceleration [m/s^2]; 0 if gravity is off."""
+    """Return the downward acceleration [m/s^2]; 0 if gravity is off."""
     return scene.gravity.acceleration if scene.gravity and scene.gravity.enabled else 0.0
 
 

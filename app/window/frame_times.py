@@ -26,13 +26,14 @@ class FrameTimes:
 
     @property
     def range(self) -> float:
-        """Seconds from the bottom to the top: two frames' time by a power of two, so that the line lies at a half, a quarter
-        ..., and all but STICK_OUT of the frames fit."""
+        """Seconds from the bottom to the top of the graph: two frames' time times a power of two, so that the line is
+        at a half, a quarter ..., and all but STICK_OUT of the frames fit."""
         longest = float(np.sort(self.seconds.sum(axis=1))[-1 - STICK_OUT])
         return 2 * BUDGET * 2.0 ** max(0, int(np.ceil(np.log2(max(longest, BUDGET) / (2 * BUDGET)))))
 
     def image(self) -> np.ndarray:
-        """(HEIGHT, WIDTH, 4) uint8, the lowest row first: a bar a frame, drawing on top of physics, under the line."""
+        """Return the graph, (HEIGHT, WIDTH, 4) uint8, the lowest row first: a bar per frame, time of drawing on top of
+        time of physics, under the line."""
         picture = np.full((HEIGHT, WIDTH, 4), (255, 255, 255, 225), np.uint8)
         tops = np.repeat(np.cumsum(self.seconds, axis=1) / self.range * HEIGHT, BAR, axis=0)
         rows = np.arange(HEIGHT)[:, None] + 0.5

@@ -143,5 +143,5 @@ class Overlay:
 
 
 def force_text(newtons: float) -> str:
-    """A force in words: three digits or more."""
+    """Return a force in words, with at least three digits."""
     return f"{newtons:.0f} N" if 1000 <= newtons < 1e6 else f"{newtons:.3g} N"

@@ -17,7 +17,7 @@ GAP = 2  # pixels between two
 
 
 def check_alike(scenes: Sequence[Scene]) -> None:
-    """Raises SceneError if scenes cannot be shown side by side: one camera and one hand are to do for all of them."""
+    """Raise SceneError if the scenes cannot be shown side by side with one camera and one mouse."""
     if not 1 <= len(scenes) <= MAX_WORLDS:
         raise SceneError("SCENE", f"{len(scenes)} scenes", f"1 to {MAX_WORLDS} scenes fit side by side; name fewer")
     first = view_kind(scenes[0])
@@ -65,12 +65,12 @@ class Pane:
     height: int
 
     def away(self, x: float, y: float) -> float:
-        """Pixels from a place in the window, the larger of across and up; 0 inside."""
+        """Return the distance in pixels from a place in the window, the larger of both axes; 0 inside."""
         return max(self.left - x, x - self.left - self.width, self.bottom - y, y - self.bottom - self.height, 0.0)
 
 
 def panes(count: int, width: int, height: int) -> list[Pane]:
-    """Equal rectangles for so many worlds in this part of a window, from its lower edge, in rows from the upper left."""
+    """Return equal rectangles for `count` worlds in this part of a window, in rows from the upper left."""
     columns = count if count <= IN_A_ROW else ceil(sqrt(count))
     rows = ceil(count / columns)
     wide, high = (width - GAP * (columns - 1)) // columns, (height - GAP * (rows - 1)) // rows

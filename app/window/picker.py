@@ -39,7 +39,7 @@ class Picker:
         self._constraint: MouseConstraint | None = None  # on a body
 
     def forget(self) -> None:
-        """Forget the applied poke: the world is a new one, or was reset."""
+        """Forget the applied poke, after the world was replaced or reset."""
         self._applied, self._constraint = NO_POKE, None
 
     def _constraint_on(self, world: Simulation, particle: int) -> MouseConstraint:

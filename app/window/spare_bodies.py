@@ -35,8 +35,8 @@ def next_spare(world: Simulation, last: str | None) -> str:
 
 
 def drop(world: Simulation, name: str, place: Sequence[float]) -> int:
-    """Activate a copy of a part at rest, its middle over or under `place` [m], all of it above that. Returns its
-    number. Raises SceneError."""
+    """Activate a copy of a part at rest, centred over or under `place` [m] and entirely above it. Returns its number.
+    Raises SceneError."""
     part, body_set = world.scene.bodies[name], world.scene.body_set
     first = next(copy for copy in body_set.copies if copy.name == name)
     at_rest = body_set.position[first.particles] - part.places()[0]

@@ -32,12 +32,12 @@ class Steering(Poking):
 
     @property
     def changed(self) -> list[Simulation]:
-        """The worlds that settings change: all, or the chosen one alone."""
+        """Worlds that a setting changes: all, or only the selected one."""
         return [self.world] if self.alone else self.worlds
 
     @property
     def whose(self) -> str:
-        """Prefix of a message about one world alone."""
+        """Prefix of a message about a single world."""
         return f"{self.titles[self.current]}: " if self.alone else ""
 
     def turn_to(self, number: int) -> None:
@@ -135,7 +135,7 @@ class Steering(Poking):
 
     @property
     def options(self) -> dict[str, str | None]:
-        """`precision`, `math` and `kernel` (None: the backend's own choice)."""
+        """The choice of `precision`, `math` and `kernel` (None: the default of the backend)."""
         return {"kernel": None, **self._options}
 
     def run_with(
@@ -158,8 +158,8 @@ class Steering(Poking):
     def _reopen(
         self, backend: str, threads: str, scenes: Sequence[Scene] | None = None, from_start: bool = False
     ) -> bool:
-        """Open every world anew, as one of other `scenes`, if given, and go on from its state, or `from_start`; on an error
-        the old ones go on."""
+        """Open every world again, with `scenes` if they are given, and continue from the current states or
+        `from_start`. On an error the open worlds continue."""
         fresh: list[Simulation] = []
 
         def reopen() -> None:

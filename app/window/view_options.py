@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import cos, sin
-from typing import Any
 
 import numpy as np
 
 from softlab.app.render.detail import Detail, next_detail
+from softlab.app.render.view import View
 from softlab.app.window.demo import NO_BODIES, Demo
 
 OF_PLANE = "a scene in a plane is always drawn in the same way"
@@ -17,16 +17,16 @@ OF_PLANE = "a scene in a plane is always drawn in the same way"
 class ViewOptions:
     """View options of the `views` of a demo's worlds: keys L, V, and for bodies P, K, C, I, O, for fluids O, W."""
 
-    def __init__(self, demo: Demo, views: Sequence[Any]):
+    def __init__(self, demo: Demo, views: Sequence[View]):
         self.demo = demo
         self._of(views)
 
-    def _of(self, views: Sequence[Any]) -> None:
+    def _of(self, views: Sequence[View]) -> None:
         self.views, scene = views, self.demo.world.scene
         self._space, self._bodies = scene.dimensions == 3, bool(scene.bodies)
         self._subject = views[0].subject
 
-    def renew(self, views: Sequence[Any], before: Sequence[Any], alike: bool = True) -> None:
+    def renew(self, views: Sequence[View], before: Sequence[View], alike: bool = True) -> None:
         """Take over new `views`, with the options of those `before` as far as they have them; for scenes that are not
         `alike` only the light and the quality."""
         self._of(views)
@@ -46,7 +46,7 @@ class ViewOptions:
                 self._colour(view, old.colouring)
 
     @staticmethod
-    def _colour(view: Any, colouring: str) -> None:
+    def _colour(view: View, colouring: str) -> None:
         """Choose the next colouring until it is this one, at most once around."""
         for _ in range(3):
             if view.colouring != colouring:

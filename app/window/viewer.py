@@ -16,6 +16,7 @@ from softlab.app.render import colours
 from softlab.app.render.detail import by_software
 from softlab.app.render.opengl import load_pyglet, open_window, renderer_name
 from softlab.app.render.panels import EDGE
+from softlab.app.render.view import View
 from softlab.app.render.views import camera_of, view_of
 from softlab.app.window.compiling import Compiling
 from softlab.app.window.controls import Controls
@@ -49,7 +50,7 @@ class Viewer:
         self.shots = Shots(demo)
         try:
             self.window.set_minimum_size(480, 360)
-            self.views: list[Any] = [view_of(scene, quick=True) for scene in demo.scenes]
+            self.views: list[View] = [view_of(scene, quick=True) for scene in demo.scenes]
             self.drawn_by = ", by software" if by_software(renderer_name()) else ""
             self.view_options = ViewOptions(demo, self.views)
             self.overlay = Overlay(self)
@@ -87,7 +88,7 @@ class Viewer:
     # ------------------------------------------------------------------ the frame
 
     def _lay_out(self) -> None:
-        """Divide the window into a pane per world; several lie under the numbers, so that all show as much."""
+        """Divide the window into a pane per world. Several panes lie below the numbers, so that all show the same area."""
         self.width, self.height = self.window.get_framebuffer_size()
         self.shown_width = max(self.width - self.panel.width, 64)
         several = len(self.demo.worlds) > 1
@@ -164,8 +165,8 @@ class Viewer:
             self.frame_everything()
 
     def _compile(self) -> bool:
-        """Warm up worlds that are new. Returns True while that goes on, which may take a minute: the window then shows their
-        start, and how long it has been."""
+        """Warm up new worlds. Returns True while this continues, which may take a minute; the window then shows their
+        start and the time so far."""
         if self.compiling.due:
             self.demo.compiling = 0.0
             if len(self.demo.worlds) > 1:  # under the numbers, whose height is known once they are drawn

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, Protocol
 
+from softlab.app.render.view import View
 from softlab.app.window.demo import Demo
 from softlab.app.window.frame_times import FrameTimes
 from softlab.app.window.panes import Pane
@@ -60,7 +61,7 @@ class WindowProtocol(Protocol):
     window: Any
     space: bool
     bodies: bool
-    views: list[Any]
+    views: list[View]
     panes: list[Pane]
     camera: Any
     view_options: ViewOptions

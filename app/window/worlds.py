@@ -36,7 +36,8 @@ OpenWorld = Callable[..., Simulation]
 
 
 def first_steps(scene: Scene) -> int:
-    """Initial number of steps per frame: 10; for bodies, tetrahedra and fluids that nearest to a frame's time."""
+    """Return the initial number of steps per frame: the number of the scene's family, or the one nearest to a frame's
+    time."""
     count = presentation_of(scene).steps_per_frame
     return count or min(STEPS_PER_FRAME, key=lambda steps: abs(log(steps * scene.method.dt / FRAME)))
 
@@ -91,7 +92,7 @@ class Worlds:
     _check = staticmethod(check_alike)
 
     def _begin(self, scenes: Sequence[Scene]) -> None:
-        """Start with the worlds of these scenes, as they are when opened."""
+        """Start with the worlds of these scenes in their opening state."""
         self.scenes, self.titles = list(scenes), titles_of(scenes)
         self.current, self.alone = 0, False
         self.statistics = Statistics()
@@ -101,7 +102,7 @@ class Worlds:
         self._start_anew()
 
     def _start_anew(self) -> None:
-        """With worlds that are at their start, of as many masses as they may have by now."""
+        """Restart with worlds at their start, with as many masses as they may have now."""
         self._positions = [world.read("position").astype(np.float32) for world in self.worlds]
         self._moved = False  # since they were read
         self._watchable = [position.copy() for position in self._positions]
@@ -157,7 +158,7 @@ class Worlds:
 
     @property
     def positions(self) -> list[np.ndarray]:
-        """Positions of the worlds now, or when they froze."""
+        """Positions of the worlds, now or when they were frozen."""
         if self._moved:
             self._read()
         return self._positions

@@ -108,7 +108,7 @@ def against_reference(simulation: Simulation) -> Check:
 
 def displaced(simulation: Simulation) -> State:
     """Return the scene's start with every free mass slightly displaced, so that all springs act."""
-    body, grid = simulation.body, simulation.scene.grid
+    body, grid = simulation.body, simulation.scene.sheet
     few = grid.model_copy(update={"rows": min(grid.rows, WAVE_ROWS)})  # the sines of millions of masses take seconds
     position = body.position + np.resize(wave(few, AMPLITUDE * grid.spacing), body.position.shape)
     position[body.pinned] = body.position[body.pinned]

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
 
 from numba import prange
 
 from softlab.cpu_backend.contact.colliders import make_collide_mass
 from softlab.cpu_backend.core.compile import Compiler
+from softlab.model.base.types import Real
 
 
-def make_collide_stage(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+def make_collide_stage(compiler: Compiler, real: Real, parts: frozenset[str]) -> Callable:
     """Compile collide(bodies, kinds, step, parameters, before, state): masses at the step's end; `before`: at its
     start."""
     collide_mass = make_collide_mass(compiler, real, parts)

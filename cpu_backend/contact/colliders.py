@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-from typing import Any
+from collections.abc import Callable
+from types import ModuleType, SimpleNamespace
 
 import numpy as np
 
 from softlab.cpu_backend.contact.swept import make_swept
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import block_of, row_at
+from softlab.model.base.types import Real
 from softlab.model.contact.cloth_parameters import (
     B_DYNAMIC,
     B_RADIUS,
@@ -37,7 +38,7 @@ from softlab.model.tables.cloth import COLLIDER_KINDS
 PLANE, SPHERE, CAPSULE, BOX, MESH, FIELD = range(len(COLLIDER_KINDS))  # numbers of the kinds of colliders in kernels
 
 
-def make_push(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
+def make_push(compiler: Compiler, real: Real, parts: frozenset[str]) -> SimpleNamespace:
     """Make `point`, `response` and `push`. `point(body, time)`: position of a collider. `response(body, slow, v, n)`:
     velocity of a mass after contact. `push`: see the inner function."""
     compiled, sums = compiler.compiled, compiler.formulas(cloth, real)
@@ -81,7 +82,7 @@ def make_push(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNam
     return SimpleNamespace(point=point, response=response, push=push)
 
 
-def make_touches(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
+def make_touches(compiler: Compiler, real: Real, parts: frozenset[str]) -> SimpleNamespace:
     """Make, by kind, touch(body, begin, end, slow, a, p, v) -> (p, v), each a vector (x, y, z).
     `body`: a row of model/contact/cloth_parameters.py, and what follows it; `begin`, `end`: times of the step [s];
     `slow`: of `make_instants`; a: position of the mass before the step; p, v: its position and velocity after it."""
@@ -132,7 +133,7 @@ def make_touches(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
     if "swept" in parts:
         touch_capsule, touch_box = make_swept(compiler, real, pushing)
 
-    def of_surface(topic: Any) -> Any:
+    def of_surface(topic: ModuleType) -> Callable:
         """Make the swept test in the collider's own frame (model/formulas/frame.py)."""
         touch_at = compiler.formulas(topic, real, bounces=bounces, in_place=in_place).touch
 
@@ -158,7 +159,7 @@ def make_touches(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
     )  # fmt: skip
 
 
-def make_instants(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+def make_instants(compiler: Compiler, real: Real, parts: frozenset[str]) -> Callable:
     """Make instants(step, parameters) -> (begin, end, slow): start and end of the step [s], and the settling speed
     [m/s]. Below the settling speed nothing bounces; it is 0 without restitution. Where friction acts on positions,
     `slow` is (that speed, the step [s])."""
@@ -179,7 +180,7 @@ def make_instants(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     return instants
 
 
-def make_collide_mass(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+def make_collide_mass(compiler: Compiler, real: Real, parts: frozenset[str]) -> Callable:
     """Make collide_mass(bodies, kinds, step, parameters, a, p, v) -> (p, v), vectors. It applies all colliders to one
     mass, in their order. `bodies`: of `collider_numbers`; `kinds`: PLANE and so on."""
     touches, instants = make_touches(compiler, real, parts), make_instants(compiler, real, parts)
@@ -209,11 +210,11 @@ def make_collide_mass(compiler: Compiler, real: Any, parts: frozenset[str]) -> A
     return collide_mass
 
 
-def make_touch_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> tuple[Any, ...]:
+def make_touch_rows(compiler: Compiler, real: Real, parts: frozenset[str]) -> tuple[Callable, ...]:
     """Make, by kind, touch_row(blocks, body, begin, end, slow, ax, ay, az, x, y, z, vx, vy, vz): a row."""
     touches, block = make_touches(compiler, real, parts), block_of(real)
 
-    def make_loop(kind: str) -> Any:
+    def make_loop(kind: str) -> Callable:
         touch = getattr(touches, kind)
 
         def touch_row(blocks, body, begin, end, slow, ax, ay, az, x, y, z, vx, vy, vz):
@@ -234,7 +235,7 @@ def make_touch_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> tup
     return tuple(make_loop(kind) for kind in COLLIDER_KINDS)
 
 
-def make_collide_planes(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+def make_collide_planes(compiler: Compiler, real: Real, parts: frozenset[str]) -> Callable:
     """Make collide_planes(bodies, kinds, step, parameters, blocks, ax, ay, az, x, y, z, vx, vy, vz). It applies all
     colliders to masses stored contiguously in planes."""
     plane_row, sphere_row, capsule_row, box_row, mesh_row, field_row = make_touch_rows(compiler, real, parts)
@@ -262,7 +263,7 @@ def make_collide_planes(compiler: Compiler, real: Any, parts: frozenset[str]) ->
     return collide_planes
 
 
-def make_collide_row(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+def make_collide_row(compiler: Compiler, real: Real, parts: frozenset[str]) -> Callable:
     """Make collide_row(bodies, kinds, step, parameters, blocks, source, here, plane, target, there, target_plane). It
     applies all colliders to a row of masses. The row begins at `here` in `source` (before the step) and at `there` in
     `target` (after it)."""

@@ -6,8 +6,8 @@ point bounds its search. A minimum does not depend on the order of its terms, so
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
-from typing import Any
 
 import numba
 import numpy as np
@@ -33,7 +33,7 @@ def squared_distances(
 
 
 @cache
-def _kernel() -> Any:
+def _kernel() -> Callable:
     start_threads()
     compiler = Compiler("of a field", "exact")
     compiled = compiler.compiled
@@ -79,7 +79,7 @@ def _kernel() -> Any:
 
     @compiled
     def outside(low, x, high):
-        """Return how far x lies outside an interval."""
+        """Return the distance of x from an interval; 0 inside."""
         return max(max(low - x, x - high), 0.0)
 
     @compiled

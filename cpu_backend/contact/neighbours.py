@@ -10,6 +10,7 @@ from softlab.cpu_backend.contact.arrays import Lists, PairRows, Particles, Searc
 from softlab.cpu_backend.contact.particles_cells import AXES, BOX
 from softlab.cpu_backend.contact.particles_find import PLACES, RUN_INTEGERS, make_find_stage
 from softlab.cpu_backend.core.layout import aligned_zeros
+from softlab.model.base.types import Real
 from softlab.model.contact.particle_parameters import MAX_NEIGHBOURS
 from softlab.model.formulas.shape_matching.cluster import LANES
 
@@ -30,7 +31,7 @@ class Neighbours:
     """
 
     def __init__(
-        self, real: Any, math: str, body: np.ndarray, kind: np.ndarray, rest: np.ndarray, kinds: int, bands: int
+        self, real: Real, math: str, body: np.ndarray, kind: np.ndarray, rest: np.ndarray, kinds: int, bands: int
     ):
         self.bands, self.kinds, count = bands, kinds, len(body)
         cells, most, ahead = CELLS * max(count, LANES), count * MAX_NEIGHBOURS, count + LANES

@@ -4,8 +4,6 @@ cpu_backend/shape_matching/layout.py."""
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from softlab.cpu_backend.contact.arrays import ContactArrays, Contacts, PairRows
@@ -14,6 +12,7 @@ from softlab.cpu_backend.contact.particles_bounce import make_bounce_stage
 from softlab.cpu_backend.contact.particles_cells import AXES
 from softlab.cpu_backend.contact.particles_project import make_clear_stage, make_project_stage
 from softlab.cpu_backend.core.layout import aligned_zeros
+from softlab.model.base.types import Real
 from softlab.model.contact.particle_parameters import (
     G_SEARCH_RADIUS,
     MAX_NEIGHBOURS,
@@ -34,17 +33,18 @@ class ParticleContacts:
     """
 
     def __init__(
-        self, scene: Scene, real: Any, math: str, parts: frozenset[str], slots: np.ndarray, count: int, bands: int
+        self, scene: Scene, real: Real, math: str, parts: frozenset[str], slots: np.ndarray, count: int, bands: int
     ):
         assert scene.contact is not None
         self.real, self.bands, self.sweeps = real, bands, scene.contact.sweeps
+        rest: np.ndarray
         body, kind, rest = np.zeros(count, np.int32), np.zeros(count, np.int32), np.zeros(AXES * count, real)
         body[slots], kind[slots] = scene.body_set.body, kinds_of_particles(scene)
         rest.reshape(AXES, -1)[:, slots] = scene.body_set.position.T
         self.neighbours = Neighbours(real, math, body, kind, rest, len(scene.bodies), bands)
         acting = np.zeros(count * MAX_NEIGHBOURS, np.uint32)  # unsigned: no check for negative indices
         self._keeps = "rigid-motion" in parts
-        pressed = np.zeros(len(acting) if self._keeps else 0, real)
+        pressed: np.ndarray = np.zeros(len(acting) if self._keeps else 0, real)
         self._contacts = Contacts(acting, np.zeros(count, real), np.zeros(AXES * count, real), pressed)
         self.old = aligned_zeros(AXES * count if "contact-restitution" in parts else 0, real)
         variant = "contact-friction" in parts, "contact-adhesion" in parts, self._keeps, "couples" in parts
@@ -63,7 +63,7 @@ class ParticleContacts:
 
     @property
     def arrays(self) -> ContactArrays:
-        """The argument of kernels."""
+        """Arrays of the contacts, as kernels take them."""
         rows = PairRows(self.record, self.reach, self.neighbours.kinds)
         return ContactArrays(rows, self.sweeps, self.neighbours.search, self._contacts, self.old)
 

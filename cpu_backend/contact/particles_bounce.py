@@ -4,15 +4,16 @@ contact/particles_project.py."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.core.progress import assigned
+from softlab.model.base.types import Real
 from softlab.model.contact.particle_parameters import (
     G_DISTANCE,
     G_SELF_DISTANCE,
@@ -25,7 +26,7 @@ from softlab.model.formulas import particle_contact
 from softlab.model.formulas.shape_matching import rebound
 
 
-def make_passes(compiler: Compiler, real: Any, scaled: bool, has_rigid: bool = False) -> SimpleNamespace:
+def make_passes(compiler: Compiler, real: Real, scaled: bool, has_rigid: bool = False) -> SimpleNamespace:
     """Make `count_contacts`, `push`, `put` (see the inner functions), for a `band` of the particles that have neighbours.
 
     `scaled`: impulses of a pair are multiplied by the smaller one of both particles' `scales`. `has_rigid`: `travel` is
@@ -142,7 +143,7 @@ def make_passes(compiler: Compiler, real: Any, scaled: bool, has_rigid: bool = F
 
 
 @cache
-def make_bounce(real: Any, math: str) -> Any:
+def make_bounce(real: Real, math: str) -> Callable:
     """Make bounce(team, member, bands, position, velocity, weights, arrays), which each member of a team runs
     (core/progress.py). `arrays`: ContactArrays."""
     compiler = Compiler(f"particles_bounce_{np.dtype(real).name}_{math}", math)
@@ -163,7 +164,7 @@ def make_bounce(real: Any, math: str) -> Any:
 
 
 @cache
-def make_bounce_stage(real: Any, math: str) -> Any:
+def make_bounce_stage(real: Real, math: str) -> Callable:
     """Compile bounce(bands, position, velocity, weights, arrays): see make_bounce."""
     bounce_all = make_bounce(real, math)
 

@@ -3,13 +3,14 @@ particles, the sort by cells, and the runs of particles around a cell."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
+from softlab.model.base.types import Real
 from softlab.model.contact.particle_parameters import FARTHEST, H_INVERSE_CELL
 from softlab.model.formulas import particle_contact
 
@@ -19,7 +20,7 @@ BOX = 2 * AXES  # numbers of a band's box of cells: the lowest one, the highest 
 FAR = np.int32(2**31 - 1)
 
 
-def make_table(compiler: Compiler, real: Any) -> SimpleNamespace:
+def make_table(compiler: Compiler, real: Real) -> SimpleNamespace:
     """Make `cells_of`, `span`, `enter`, which map positions to cells of the table."""
     scaled = compiler.formulas(particle_contact, real).scaled
     zero, farthest = real(0), real(FARTHEST)
@@ -138,7 +139,7 @@ def make_sort(compiler: Compiler) -> SimpleNamespace:
     return SimpleNamespace(tally=tally, put=put)
 
 
-def make_runs(compiler: Compiler) -> Any:
+def make_runs(compiler: Compiler) -> Callable:
     """Make runs_around(b, table, runs): it writes begin and end of the runs of sorted particles in the
     27 cells around cell b, without empty runs, and returns how many numbers."""
 

@@ -10,6 +10,7 @@ cells, z, y, x, then of their numbers, for any table and number of threads.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from typing import Any
 
@@ -22,6 +23,7 @@ from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.core.plain import in_python
 from softlab.cpu_backend.core.progress import assigned
+from softlab.model.base.types import Real
 from softlab.model.contact.particle_parameters import (
     G_DISTANCE,
     G_NEIGHBOURS,
@@ -56,7 +58,7 @@ def _lowest_bit(number: Any) -> int:
     return (int(number) & -int(number)).bit_length() - 1
 
 
-def _make_search(compiler: Compiler, real: Any) -> Any:
+def _make_search(compiler: Compiler, real: Real) -> Callable:
     """Make search(band, first, last, ...): see the inner function."""
     formulas, runs_around = compiler.formulas(particle_contact, real), make_runs(compiler)
     squared, within = formulas.squared, formulas.within
@@ -148,7 +150,7 @@ def _make_search(compiler: Compiler, real: Any) -> Any:
 
 
 @cache
-def make_find(real: Any, math: str) -> Any:
+def make_find(real: Real, math: str) -> Callable:
     """Make find(team, member, bands, position, weights, rows, arrays), run by each member of a team (core/progress.py);
     `rows`: PairRows; `arrays`: Search.
     """
@@ -193,7 +195,7 @@ def make_find(real: Any, math: str) -> Any:
 
 
 @cache
-def make_find_stage(real: Any, math: str) -> Any:
+def make_find_stage(real: Real, math: str) -> Callable:
     """Compile find(bands, position, weights, rows, arrays): see make_find."""
     find_all = make_find(real, math)
 

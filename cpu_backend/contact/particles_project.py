@@ -3,15 +3,16 @@ particles with neighbours are processed; each thread handles those whose neighbo
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.core.progress import assigned
+from softlab.model.base.types import Real
 from softlab.model.contact.particle_parameters import (
     G_ACTIVE,
     G_DISTANCE,
@@ -31,7 +32,7 @@ PACES = frozenset({"speed-limit", "sleeping"})
 
 
 def _make_sweep(
-    compiler: Compiler, real: Any, has_friction: bool, has_adhesion: bool, has_rigid: bool, has_couples: bool
+    compiler: Compiler, real: Real, has_friction: bool, has_adhesion: bool, has_rigid: bool, has_couples: bool
 ) -> SimpleNamespace:
     """Make `count_contacts`, `push`, `put` (see the inner functions), for a `band` of the particles that have neighbours."""
     formulas = compiler.formulas(particle_contact, real)
@@ -139,8 +140,8 @@ def _make_sweep(
 
 @cache
 def make_project(
-    real: Any, math: str, has_friction: bool, has_adhesion: bool, has_rigid: bool, has_couples: bool = False
-) -> Any:
+    real: Real, math: str, has_friction: bool, has_adhesion: bool, has_rigid: bool, has_couples: bool = False
+) -> Callable:
     """Make project(team, member, bands, before, position, weights, arrays, travel, couples).
 
     Each member of a team runs it (core/progress.py); `arrays`: ContactArrays. `travel`, with `has_rigid`, is that of
@@ -168,8 +169,8 @@ def make_project(
 
 @cache
 def make_project_stage(
-    real: Any, math: str, has_friction: bool, has_adhesion: bool, has_rigid: bool, has_couples: bool = False
-) -> Any:
+    real: Real, math: str, has_friction: bool, has_adhesion: bool, has_rigid: bool, has_couples: bool = False
+) -> Callable:
     """Compile project(bands, before, position, weights, arrays, travel, couples): see make_project."""
     name = f"particles_{np.dtype(real).name}_{math}{'_friction' * has_friction}{'_adhesion' * has_adhesion}"
     project_all = make_project(real, math, has_friction, has_adhesion, has_rigid, has_couples)
@@ -177,7 +178,7 @@ def make_project_stage(
     return Compiler(name, math).team(project_all)
 
 
-def make_clear(compiler: Compiler) -> Any:
+def make_clear(compiler: Compiler) -> Callable:
     """Make clear(band, lists, contacts): it zeroes `pressed` of all contacts at the start of a substep."""
 
     @compiler.compiled
@@ -192,7 +193,7 @@ def make_clear(compiler: Compiler) -> Any:
 
 
 @cache
-def make_clear_stage(real: Any, math: str) -> Any:
+def make_clear_stage(real: Real, math: str) -> Callable:
     """Compile clear(bands, lists, contacts): all particles, in parallel."""
     compiler = Compiler(f"particles_clear_{np.dtype(real).name}_{math}", math)
     clear_some = make_clear(compiler)
@@ -203,7 +204,7 @@ def make_clear_stage(real: Any, math: str) -> Any:
     return compiler.banded(clear)
 
 
-def make_settle(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+def make_settle(compiler: Compiler, real: Real, parts: frozenset[str]) -> Callable:
     """Make settle(first, last, count, before, position, record, travel): it applies the speed limit and sleeping at the
     end of a substep."""
     formulas = compiler.formulas(particle_contact, real)
@@ -243,7 +244,7 @@ def make_settle(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
 
 @cache
-def make_settle_stage(real: Any, math: str, parts: frozenset[str]) -> Any:
+def make_settle_stage(real: Real, math: str, parts: frozenset[str]) -> Callable:
     """Compile settle(bands, count, before, position, record, travel): all particles, in parallel."""
     words = sorted(parts & (PACES | {"rigid-motion"}))
     compiler = Compiler(f"particles_{np.dtype(real).name}_{math}_{'_'.join(words)}", math)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
 
 import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
+from softlab.model.base.types import Real
 from softlab.model.contact.cloth_parameters import (
     M_DURATION,
     M_SPIN,
@@ -30,7 +31,7 @@ from softlab.model.contact.cloth_parameters import (
 from softlab.model.formulas import cloth, motion
 
 
-def make_follow(compiler: Compiler, real: Any) -> Any:
+def make_follow(compiler: Compiler, real: Real) -> Callable:
     """Make follow(bodies, pin, time) -> (x, y, z, vx, vy, vz), the state of a pinned mass at `time` [s].
 
     Its row begins at `pin` of the flat array `body_rows` of model/contact/cloth_parameters.py, and must name a
@@ -53,7 +54,7 @@ def make_follow(compiler: Compiler, real: Any) -> Any:
     return follow
 
 
-def make_drive(compiler: Compiler, real: Any) -> Any:
+def make_drive(compiler: Compiler, real: Real) -> Callable:
     """Make drive(first, last, number, position, velocity, parameters, bodies, driven).
 
     It sets position and velocity of pinned particles at the end of substep `number` by their motions: of `driven`

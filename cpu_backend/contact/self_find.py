@@ -4,15 +4,17 @@ number of threads."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numba import prange
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.progress import assigned
+from softlab.model.base.types import Real
 from softlab.model.contact.self_contact_parameters import (
     MAX_CONTACTS,
     SPAN,
@@ -63,7 +65,7 @@ def make_slots(compiler: Compiler, count: int) -> SimpleNamespace:
     return SimpleNamespace(place_of=place_of, copy=copy)
 
 
-def _make_triangle(compiler: Compiler, real: Any, formulas: SimpleNamespace, numbers: SimpleNamespace) -> Any:
+def _make_triangle(compiler: Compiler, real: Real, formulas: SimpleNamespace, numbers: SimpleNamespace) -> Callable:
     """Make add_contact(mass, triangle, begin, move, columns, parameters, contacts, contact_count), see below."""
     nearest, away, length, dot = formulas.nearest, formulas.away, formulas.length, formulas.dot
     rest_distance, normal, enforced_distance = formulas.rest_distance, formulas.normal, formulas.enforced_distance
@@ -124,7 +126,7 @@ def _make_triangle(compiler: Compiler, real: Any, formulas: SimpleNamespace, num
     return add_contact
 
 
-def _make_space(compiler: Compiler, real: Any, formulas: SimpleNamespace) -> SimpleNamespace:
+def _make_space(compiler: Compiler, real: Real, formulas: SimpleNamespace) -> SimpleNamespace:
     """Make `floor`, of a coordinate, and `relative`, the displacement of mass k relative to a reference."""
     length = formulas.length
 
@@ -140,7 +142,7 @@ def _make_space(compiler: Compiler, real: Any, formulas: SimpleNamespace) -> Sim
     return SimpleNamespace(floor=floor, relative=relative)
 
 
-def _make_hash(compiler: Compiler, real: Any, formulas: SimpleNamespace, numbers: SimpleNamespace) -> Any:
+def _make_hash(compiler: Compiler, real: Real, formulas: SimpleNamespace, numbers: SimpleNamespace) -> Callable:
     """Make hash_cells: see the inner function."""
     space, middle, scaled, zero = _make_space(compiler, real, formulas), formulas.middle, formulas.scaled, real(0)
     floor, relative, key_of, bucket_of = space.floor, space.relative, numbers.key, numbers.bucket
@@ -240,7 +242,7 @@ def _make_hash(compiler: Compiler, real: Any, formulas: SimpleNamespace, numbers
     return compiler.team(hash_cells)
 
 
-def _make_search(compiler: Compiler, real: Any, formulas: SimpleNamespace, numbers: SimpleNamespace) -> Any:
+def _make_search(compiler: Compiler, real: Real, formulas: SimpleNamespace, numbers: SimpleNamespace) -> Callable:
     """Make find_contacts: see the inner function."""
     space, scaled, zero = _make_space(compiler, real, formulas), formulas.scaled, real(0)
     floor, relative, key_of, bucket_of = space.floor, space.relative, numbers.key, numbers.bucket
@@ -297,7 +299,7 @@ def _make_search(compiler: Compiler, real: Any, formulas: SimpleNamespace, numbe
 
 
 @cache
-def make_find(real: Any, math: str) -> SimpleNamespace:
+def make_find(real: Real, math: str) -> SimpleNamespace:
     """Compile `hash_cells` and `find_contacts`; the arrays are those of cpu_backend/contact/self_contact.py."""
     compiler = Compiler(f"{np.dtype(real).name}_{math}", math)
     arguments = compiler, real, compiler.formulas(contact, real), compiler.formulas(contact, None)

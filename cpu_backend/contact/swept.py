@@ -3,16 +3,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from types import SimpleNamespace
-from typing import Any
 
 from softlab.cpu_backend.core.compile import Compiler
+from softlab.model.base.types import Real
 from softlab.model.contact.cloth_parameters import B_RADIUS, B_THICKNESS, B_U, B_V, B_W
 from softlab.model.formulas import cloth, colliders
 from softlab.model.formulas.fluid import sweep
 
 
-def make_swept(compiler: Compiler, real: Any, pushing: SimpleNamespace) -> tuple[Any, Any]:
+def make_swept(compiler: Compiler, real: Real, pushing: SimpleNamespace) -> tuple[Callable, Callable]:
     """Make `touch_capsule` and `touch_box`, as in cpu_backend/contact/colliders.py; `pushing`: of `make_push`."""
     compiled, point, response, push = compiler.compiled, pushing.point, pushing.response, pushing.push
     formulas, sums, sweeps = (

@@ -8,6 +8,7 @@ independent, so the vector units never wait for a result.
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from functools import cache
 from typing import Any
 
@@ -16,6 +17,7 @@ import numpy as np
 from numba import prange
 
 from softlab.cpu_backend.core.compile import Compiler
+from softlab.model.base.types import Real
 
 CHAIN = 16  # multiply-adds between a load and its store
 ROW = 512  # numbers: 4 KiB at most
@@ -23,7 +25,7 @@ REPEATS = 2000  # rows per call: a few 0.1 ms
 
 
 @cache
-def _make_chains(real: Any) -> Any:
+def _make_chains(real: Real) -> Callable:
     """Make chains(rows, repeats, factor, summand): threads update rows of `rows` (threads, ROW) `repeats` times."""
     compiler = Compiler(f"{np.dtype(real).name}", "fast")
 

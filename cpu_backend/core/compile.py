@@ -21,6 +21,7 @@ from softlab.cpu_backend.core.progress import new_team
 from softlab.cpu_backend.core.region import BodyPipeline, LinkedPipeline, packed, region
 from softlab.model.base.digest import content_digest, file_name, source_digest
 from softlab.model.base.kernel_cache import NamedByContent, NotifyingCache, Place, attach_cache
+from softlab.model.base.types import Real
 from softlab.model.base.variant import Formulas, Variant
 
 # Optimisations of `fast`. Not `reassoc`, which would cancel the (p' - p) of the hand-out's step; not `nnan` and `ninf`,
@@ -69,29 +70,29 @@ class Compiler:
         self._variants: dict[Any, Variant] = {}
         self._inner: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "_nrt": False}
 
-    def compiled(self, function: Callable) -> Any:
+    def compiled(self, function: Callable) -> Callable:
         return self._compiled_once(function)
 
-    def inlined(self, function: Callable) -> Any:
+    def inlined(self, function: Callable) -> Callable:
         """Compile as `compiled`, for functions with so many arguments that passing them costs more than a short row."""
         return self._compiled_once(function, inline=True)
 
-    def formulas(self, module: ModuleType, real: Any, inline: bool = False, **features: Any) -> Formulas:
+    def formulas(self, module: ModuleType, real: Real, inline: bool = False, **features: Any) -> Formulas:
         """Return the formulas of a module in a variant."""
         return self.variant_of(real, inline, **features).of(module)
 
-    def variant_of(self, real: Any, inline: bool = False, **features: Any) -> Variant:
+    def variant_of(self, real: Real, inline: bool = False, **features: Any) -> Variant:
         """Return what compiles formulas in a precision, `compiled` or `inlined`; see model/base/variant.py."""
         variant = real, inline, frozenset(features.items())
         if variant not in self._variants:
             self._variants[variant] = Variant(real, self.inlined if inline else self.compiled, features)
         return self._variants[variant]
 
-    def row(self, function: Callable) -> Any:
+    def row(self, function: Callable) -> Callable:
         """Compile a loop along rows. Its array arguments must not overlap, except for those that it only reads."""
         return self._compiled_once(function, pipeline_class=_RowPipeline)
 
-    def kernel(self, function: Callable, parallel: bool = True) -> Any:
+    def kernel(self, function: Callable, parallel: bool = True) -> Callable:
         """Compile a parallel kernel, cached on disk; without a writable folder it is compiled each time."""
         label = f"{function.__name__} {self.variant}"
         named(function, content_digest(function, self.options, _HOW))
@@ -99,7 +100,7 @@ class Compiler:
         attach_cache(dispatcher, _KernelCache, label)
         return dispatcher
 
-    def team(self, function: Callable) -> Any:
+    def team(self, function: Callable) -> Callable:
         """Compile a parallel kernel (bands, ...) of one region, in which every member runs `function` (team, member,
         bands, ...).
 
@@ -125,7 +126,7 @@ class Compiler:
 
         return kernel
 
-    def banded(self, function: Callable) -> Any:
+    def banded(self, function: Callable) -> Callable:
         """Compile a parallel kernel (bands, ...) that runs `function` (band, bands, ...) for all bands, in any
         order."""
         name, run, all_members = self._inside(function)
@@ -145,13 +146,15 @@ class Compiler:
 
         return kernel
 
-    def _inside(self, function: Any) -> tuple[str, Any, Any]:
+    def _inside(self, function: Callable) -> tuple[str, Callable, Callable]:
         """Return the components of a parallel kernel: name, function of a member or band, parallel region."""
         known = getattr(function, "softlab_content", None)
         name = function.__name__.removesuffix(f"_{known}")
         return name, function if known else self._compiled_once(function, BodyPipeline), _region()
 
-    def _compiled_once(self, function: Callable, pipeline_class: Any = LinkedPipeline, inline: bool = False) -> Any:
+    def _compiled_once(
+        self, function: Callable, pipeline_class: Any = LinkedPipeline, inline: bool = False
+    ) -> Callable:
         options: dict[str, Any] = {"forceinline": True} if inline else {}
         content = content_digest(function, self.options, options, pipeline_class.__name__, _HOW)
         if content not in _shared:
@@ -169,12 +172,12 @@ def named(function: Callable, content: str) -> Callable:
 
 
 @cache
-def _region() -> Any:
+def _region() -> Callable:
     return Compiler("of every team", "exact").kernel(region)
 
 
 @cache
-def _empty_region() -> Any:
+def _empty_region() -> Callable:
     def region(n):
         total = 0
         for k in numba.prange(n):

@@ -6,7 +6,7 @@ No two runs of a colour move the same particle, so threads may process any runs 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
 from types import SimpleNamespace
 from typing import Any
@@ -16,6 +16,7 @@ import numpy as np
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.progress import assigned
 from softlab.model.base.tuples import each_of, tuple_of
+from softlab.model.base.types import Real
 from softlab.model.particles.constraints import ConstraintSet, Projection
 
 ALONE = 256  # constraints of a colour that one thread processes faster than threads can synchronise: a few microseconds
@@ -25,7 +26,7 @@ TOGETHER = 16
 SetArrays = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
-def set_arrays(constraint_set: ConstraintSet, projection: Projection, real: Any) -> SetArrays:
+def set_arrays(constraint_set: ConstraintSet, projection: Projection, real: Real) -> SetArrays:
     """Return (corners, values, multipliers, starts) of a set, the arguments of kernels."""
     rows = len(constraint_set.corners) if projection.soft else 0
     return (
@@ -36,9 +37,9 @@ def set_arrays(constraint_set: ConstraintSet, projection: Projection, real: Any)
     )
 
 
-def no_sets(real: Any) -> tuple[SetArrays, ...]:
+def no_sets(real: Real) -> tuple[SetArrays, ...]:
     """Return empty sets, for a scene without constraints."""
-    empty = np.zeros((0, 1), real)
+    empty: np.ndarray = np.zeros((0, 1), real)
     return ((np.zeros((0, 2), np.int32), empty, empty, np.zeros(1, np.int32)),)
 
 
@@ -83,7 +84,7 @@ def make_planes(compiler: Compiler) -> SimpleNamespace:
     return SimpleNamespace(point=point, weight=weight, put=put)
 
 
-def make_projections(compiler: Compiler, real: Any, projection: Projection, particles: SimpleNamespace) -> Any:
+def make_projections(compiler: Compiler, real: Real, projection: Projection, particles: SimpleNamespace) -> Callable:
     """Make project(first, last, position, weights, before, corners, values, multipliers, fresh, parameters).
 
     It projects the constraints `first` to before `last`. `multipliers` (constraints, n) count as 0 if `fresh`;
@@ -99,23 +100,23 @@ def make_projections(compiler: Compiler, real: Any, projection: Projection, part
     has_constants = projection.constants is not None
     c_compliance, c_damping, c_stiffening = projection.constants or ("", "", "")
 
-    def point_at(n: int) -> Any:
+    def point_at(n: int) -> Callable:
         return compiled(lambda position, weights, corners, k: point(position, weights, corners[k, n]))
 
-    def weight_at(n: int) -> Any:
+    def weight_at(n: int) -> Callable:
         return compiled(lambda position, weights, corners, k: weight(position, weights, corners[k, n]))
 
-    def put_at(n: int) -> Any:
+    def put_at(n: int) -> Callable:
         @compiled
         def put_one(position, weights, corners, k, moved):
             put(position, weights, corners[k, n], moved)
 
         return put_one
 
-    def value_at(n: int) -> Any:
+    def value_at(n: int) -> Callable:
         return compiled(lambda values, fresh, unused, k: values[k, n])
 
-    def multiplier_at(n: int) -> Any:
+    def multiplier_at(n: int) -> Callable:
         @compiled
         def multiplier(multipliers, fresh, unused, k):
             if is_soft and not fresh:
@@ -124,7 +125,7 @@ def make_projections(compiler: Compiler, real: Any, projection: Projection, part
 
         return multiplier
 
-    def store_at(n: int) -> Any:
+    def store_at(n: int) -> Callable:
         @compiled
         def store(multipliers, fresh, unused, k, multiplier):
             multipliers[k, n] = multiplier
@@ -174,7 +175,7 @@ def make_colours(compiler: Compiler, projects: Sequence[Any], runs: Sequence[int
     return sweep
 
 
-def _of_set(compiler: Compiler, number: int, project: Any, run: int, others: Any) -> Any:
+def _of_set(compiler: Compiler, number: int, project: Callable, run: int, others: Callable) -> Callable:
     """Make the sweep of set `number`, followed by the `others`."""
     has_others = others is not None
 
@@ -194,7 +195,7 @@ def _of_set(compiler: Compiler, number: int, project: Any, run: int, others: Any
 
 
 @cache
-def make_constraint_stage(real: Any, math: str, projection: Projection, in_planes: bool) -> Any:
+def make_constraint_stage(real: Real, math: str, projection: Projection, in_planes: bool) -> Callable:
     """Compile stage(bands, colour, position, weights, before, constraints, fresh, parameters): a parallel loop over one
     colour, (start, stop). `constraints`: (corners, values, multipliers)."""
     run = projection.run
@@ -211,7 +212,7 @@ def make_constraint_stage(real: Any, math: str, projection: Projection, in_plane
 
 
 @cache
-def make_sweep_stage(real: Any, math: str, projections: tuple[Projection, ...]) -> Any:
+def make_sweep_stage(real: Real, math: str, projections: tuple[Projection, ...]) -> Callable:
     """Compile stage(bands, position, weights, before, sets, fresh, parameters): all constraints once, in one call.
 
     Particles are rows; `sets`: those of the `projections`, at least one.

@@ -18,6 +18,7 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 
 from softlab.cpu_backend.core.plain import in_python
+from softlab.model.base.types import Real
 
 LINE = 64  # bytes of a cache line, and of the widest vectors
 PAGE = 4096  # bytes after which addresses map to the same sets of the first-level cache
@@ -31,15 +32,15 @@ L_ROWS, L_COLUMNS, L_STRIDE, L_PLANE = range(4)
 _built_in: Any = intrinsic  # typed by numba when it is compiled
 
 
-def block_of(real: Any) -> int:
+def block_of(real: Real) -> int:
     """Return the number of columns per iteration of loops along a row: a cache line."""
     return LINE // np.dtype(real).itemsize
 
 
-def aligned_zeros(count: int, real: Any) -> np.ndarray:
+def aligned_zeros(count: int, real: Real) -> np.ndarray:
     """Return `count` zeros, aligned to a cache line."""
     item = np.dtype(real).itemsize
-    memory = np.zeros(count + LINE // item, real)
+    memory: np.ndarray = np.zeros(count + LINE // item, real)
     first = -memory.ctypes.data % LINE // item
     return memory[first : first + count]
 
@@ -82,7 +83,7 @@ def plain(rows: int, columns: int, planes: int = PLANES) -> Layout:
     return Layout(rows, columns, columns, rows * columns, planes)
 
 
-def padded(rows: int, columns: int, real: Any, planes: int = PLANES) -> Layout:
+def padded(rows: int, columns: int, real: Real, planes: int = PLANES) -> Layout:
     """Return the layout for loops over whole blocks."""
     block, item = block_of(real), np.dtype(real).itemsize
     stride = (columns // block + 1) * block

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
-from typing import Any
 
 import numpy as np
 from numba import prange
 
 from softlab.cpu_backend.core.compile import Compiler
+from softlab.model.base.types import Real
 from softlab.model.formulas import cloth, lengths
 
 
 @cache
-def make_normals(real: Any) -> Any:
+def make_normals(real: Real) -> Callable:
     """Compile normals(state, out): `state` (6, rows, columns), positions first; `out` (particles, 3).
 
     model/geometry/normals.py defines them. Always in `exact` math, so that drawing does not depend on the solver's.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from typing import Any
 
@@ -9,16 +10,17 @@ import numpy as np
 from numba import prange
 
 from softlab.cpu_backend.core.compile import Compiler
+from softlab.model.base.types import Real
 from softlab.model.core.own_forces import WINDOW, OwnForce, accelerated, force_flags, particle_forces
 from softlab.model.core.plan import Moment, StageRun
 
 
-def make_particle_force(compiler: Compiler, real: Any, axes: int, parts: frozenset[str]) -> Any:
+def make_particle_force(compiler: Compiler, real: Real, axes: int, parts: frozenset[str]) -> Any:
     """Make own(a, k, weight, parameters, integers, step) (model/core/own_forces.py)."""
     return compiler.variant_of(real, **force_flags(axes, parts))(accelerated(parts))
 
 
-def make_particle_force_row(compiler: Compiler, real: Any, axes: int, parts: frozenset[str]) -> Any:
+def make_particle_force_row(compiler: Compiler, real: Real, axes: int, parts: frozenset[str]) -> Callable:
     """Make add(count, first, step, parameters, integers, x, y[, z]).
 
     It adds to a row's sums of accelerations, one array per axis, for `count` particles from number `first` on.
@@ -37,7 +39,7 @@ def make_particle_force_row(compiler: Compiler, real: Any, axes: int, parts: fro
 
 
 @cache
-def _make_stage(real: Any, math: str, axes: int, force: OwnForce, has_load: bool, window: frozenset[str]) -> Any:
+def _make_stage(real: Real, math: str, axes: int, force: OwnForce, has_load: bool, window: frozenset[str]) -> Callable:
     """Compile stage(acceleration, weights, record, integers, step): one force on every mass.
 
     `acceleration` (axes, rows, columns) [m/s^2]; `weights` (rows, columns): factors by which masses are lighter than
@@ -66,7 +68,7 @@ def _make_stage(real: Any, math: str, axes: int, force: OwnForce, has_load: bool
 
 
 @cache
-def _make_gravity(real: Any, math: str) -> Any:
+def _make_gravity(real: Real, math: str) -> Callable:
     def gravity(acceleration, record):
         for i in prange(acceleration.shape[1]):
             for j in range(acceleration.shape[2]):

@@ -35,7 +35,7 @@ _end = math.inf  # process time [s] at which the current call has to end
 
 
 class TooLong(Exception):
-    """A call in plain Python that takes longer than compiling may."""
+    """Raised when a call in plain Python takes longer than compiling would."""
 
 
 def still_time() -> None:

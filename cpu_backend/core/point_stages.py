@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import Any
 
 from numba import prange
 
 from softlab.cpu_backend.core.compile import Compiler
+from softlab.model.base.types import Real
 from softlab.model.formulas import distance
 
 
-def make_point_stages(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
+def make_point_stages(compiler: Compiler, real: Real, parts: frozenset[str]) -> SimpleNamespace:
     """Make the stages without neighbours. Arrays are (axes, rows, columns), `weights` (rows, columns)."""
     kernel = compiler.kernel
     formulas = compiler.formulas(distance, real)

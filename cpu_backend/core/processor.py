@@ -8,7 +8,7 @@ from functools import cache
 
 @cache
 def processor_name() -> str:
-    """Return the processor's own name."""
+    """Return the name that the processor reports."""
     try:
         with open("/proc/cpuinfo", encoding="utf-8") as file:
             for line in file:

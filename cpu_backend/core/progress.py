@@ -51,7 +51,7 @@ _SLEEP_UNIT = 1000 if sys.platform == "win32" else 1  # us
 _built_in: Any = intrinsic  # typed by numba when they are compiled
 
 
-def _pointer(context: Any, builder: Any, array_type: Any, array: Any, flag: Any) -> Any:
+def _pointer(context: Any, builder: ir.IRBuilder, array_type: Any, array: Any, flag: Any) -> Any:
     view = context.make_array(array_type)(context, builder, array)
     place = builder.mul(flag, ir.Constant(flag.type, FLAG_SPACING))
     return builder.gep(view.data, [place], inbounds=True)

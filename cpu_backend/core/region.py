@@ -29,7 +29,7 @@ class _NoEnvironment:
     """Replacement of the engine that emits a library's code."""
 
     def set_env(self, name: str, environment: Any) -> None:
-        """Ignore the environment: code that is not emitted has none and needs none (see Compiler)."""
+        """Ignore the environment: linked code is not emitted and has none (see Compiler)."""
 
 
 class LinkedLibrary(JITCodeLibrary):
@@ -88,7 +88,8 @@ def region(entry, arguments, members):
 
 @_built_in
 def packed(typing_context, body, first, members, values):
-    """Return the addresses of a kernel's body and its arguments; the body takes (*first, member, members, *given)."""
+    """Return the addresses of a kernel's body and of its arguments. The body is called as body(*first, member, members,
+    *values)."""
     taken = (*first.types, types.int64, members, *values.types)
     place_of_member = len(first.types)
     flushed = FLUSH and body.dispatcher.targetoptions.get("fastmath")

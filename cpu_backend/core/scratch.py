@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import block_of
+from softlab.model.base.types import Real
 
 AXES = 3
 SPAN = 2  # columns that a spring spans at most
 
 
-def cloth_variant(kernel: str, real: Any, math: str, parts: frozenset[str]) -> str:
+def cloth_variant(kernel: str, real: Real, math: str, parts: frozenset[str]) -> str:
     """Return a unique name of a kernel's variant. A cloth has many parts and file names are limited, so a part is
     shortened to the first two letters of each word: `st_stda` for structural springs with dampers."""
     codes = ["".join(word[:2] for word in part.split("-")) for part in sorted(parts)]
@@ -44,14 +44,14 @@ def triples_of(parts: frozenset[str]) -> dict[str, int]:
     return places | {"count": count}
 
 
-def scratch_width(columns: int, real: Any) -> int:
+def scratch_width(columns: int, real: Real) -> int:
     """Return the numbers in a row of scratch: whole blocks, and one more block on either side for the springs'
     reach."""
     block = block_of(real)
     return -(-columns // block) * block + 2 * block
 
 
-def make_scratch(compiler: Compiler, real: Any) -> SimpleNamespace:
+def make_scratch(compiler: Compiler, real: Real) -> SimpleNamespace:
     """Make functions of a band's flat scratch.
 
     `place(triple, axis, width)`: index of a row's column 0; `edge`: that of its column -REACH. `forget(scratch, triple,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
 from typing import Any
 
@@ -15,6 +15,7 @@ from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import Layout
 from softlab.cpu_backend.core.processor import processor_name
 from softlab.cpu_backend.core.threads import thread_count
+from softlab.model.base.types import Real
 from softlab.model.contact.cloth_parameters import pin_velocity
 from softlab.model.core.options import unknown_kernel
 from softlab.model.core.plan import Executor
@@ -27,7 +28,7 @@ WIDTH = 4  # numbers of a particle in space: x, y, z and, for positions, its wei
 
 
 @cache
-def make_first_diverged(real: Any, axes: int) -> Any:
+def make_first_diverged(real: Real, axes: int) -> Callable:
     """Compile first_diverged(state, bound, centre, columns_bad): per row the first bad column, not finite or farther
     than `bound` from `centre` (axes,) along an axis, or -1. No fast math: NaN must be detected."""
     compiler = Compiler(f"{axes}d_{np.dtype(real).name}", "exact")
@@ -50,7 +51,7 @@ def make_first_diverged(real: Any, axes: int) -> Any:
 
 
 @cache
-def make_first_diverged_of(real: Any, axes: int) -> Any:
+def make_first_diverged_of(real: Real, axes: int) -> Callable:
     """Compile first_diverged(position, velocity, slots, stride, bound, centre, bands, bad): per band the first bad
     particle, not finite or farther than `bound` from `centre` (axes,) along an axis, or -1. Coordinate `axis` of
     particle k is at slots[k] + axis * stride of both flat arrays. No fast math: NaN must be detected."""
@@ -99,7 +100,7 @@ class CpuSimulation(Simulation):
 
     @property
     def record(self) -> np.ndarray:
-        """The constants as an array of one record, for numba's parallel loops, which take no record."""
+        """Constants as an array of one record: numba's parallel loops do not accept records."""
         return self._record
 
     @property
@@ -130,7 +131,7 @@ class CpuSimulation(Simulation):
         """Do nothing: a call returns when its steps are done."""
 
     def close(self) -> None:
-        """Drop the executor, whose reference to the simulation keeps arrays until a garbage collection."""
+        """Delete the executor: its reference to the simulation would keep arrays alive until a garbage collection."""
         super().close()
         self.__dict__.pop("_executor", None)
 
@@ -149,8 +150,8 @@ class ParticlesSimulation(CpuSimulation):
 
     @property
     def inertial(self) -> np.ndarray | None:
-        """Inertial positions, likewise, of solvers that return to them; displacements by others must also apply to
-        them."""
+        """Inertial positions, in the same layout, of solvers that use them in every iteration. Displacements by other
+        solvers must be applied to them, too."""
         return None
 
     def _first_diverged(self) -> int:

@@ -25,13 +25,13 @@ MACHINE = platform.machine().lower()
 FLUSH = _BITS.get(MACHINE, 0)  # bits of the register; 0: this architecture is not supported and nothing is flushed
 
 
-def _mxcsr(builder: Any, name: str, place: Any) -> None:
+def _mxcsr(builder: ir.IRBuilder, name: str, place: Any) -> None:
     kind = ir.FunctionType(ir.VoidType(), [ir.IntType(8).as_pointer()])
     function = builder.module.declare_intrinsic(f"llvm.x86.sse.{name}", (), kind)
     builder.call(function, [builder.bitcast(place, ir.IntType(8).as_pointer())])
 
 
-def read_register(builder: Any) -> Any:
+def read_register(builder: ir.IRBuilder) -> Any:
     """Build code that reads the thread's control register, int64."""
     if MACHINE in ("aarch64", "arm64"):
         return builder.asm(ir.FunctionType(_INT64, []), "mrs $0, fpcr", "=r", [], True)
@@ -40,7 +40,7 @@ def read_register(builder: Any) -> Any:
     return builder.zext(builder.load(place), _INT64)
 
 
-def write_register(builder: Any, value: Any) -> None:
+def write_register(builder: ir.IRBuilder, value: Any) -> None:
     """Build code that sets the thread's control register to the int64 `value`."""
     if MACHINE in ("aarch64", "arm64"):
         builder.asm(ir.FunctionType(ir.VoidType(), [_INT64]), "msr fpcr, $0", "r,~{memory}", [value], True)
@@ -50,7 +50,7 @@ def write_register(builder: Any, value: Any) -> None:
     _mxcsr(builder, "ldmxcsr", place)
 
 
-def flush_subnormals(builder: Any) -> Any:
+def flush_subnormals(builder: ir.IRBuilder) -> Any:
     """Build code that flushes subnormals from here on; return the register's value before, for `write_register`."""
     before = read_register(builder)
     write_register(builder, builder.or_(before, ir.Constant(_INT64, FLUSH)))

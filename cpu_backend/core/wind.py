@@ -7,6 +7,7 @@ sheet.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
@@ -16,10 +17,11 @@ from numba import prange
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, block_of, row_at
 from softlab.cpu_backend.core.scratch import AXES, SPAN
+from softlab.model.base.types import Real
 from softlab.model.formulas import cloth, random, wind
 
 
-def make_air(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+def make_air(compiler: Compiler, real: Real, parts: frozenset[str]) -> Callable:
     """Make air_now(parameters, integers, step, offset): the air's velocity (x, y, z) [m/s], `offset` steps into the
     step."""
     compiled = compiler.compiled
@@ -43,7 +45,7 @@ def make_air(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     return air_now
 
 
-def make_triangle(compiler: Compiler, real: Any) -> Any:
+def make_triangle(compiler: Compiler, real: Real) -> Callable:
     """Make triangle(a, b, c, velocities of a, b and c, air, parameters): the wind acceleration [m/s^2] of each corner,
     three numbers each, one after the other."""
     triangle_wind = compiler.formulas(wind, real).triangle_wind
@@ -62,12 +64,12 @@ def make_triangle(compiler: Compiler, real: Any) -> Any:
 
 def make_winds(
     compiler: Compiler,
-    real: Any,
+    real: Real,
     parts: frozenset[str],
     place: Any,
-    edge: Any,
-    forget: Any,
-    clear: Any,
+    edge: Callable,
+    forget: Callable,
+    clear: Callable,
     at: dict[str, int],
 ) -> SimpleNamespace:
     """Make `air_now`, `wind_cells` and `add_wind`.
@@ -141,7 +143,7 @@ def make_winds(
     return SimpleNamespace(air_now=make_air(compiler, real, parts), wind_cells=wind_cells, add_wind=add_wind)
 
 
-def make_wind_stage(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+def make_wind_stage(compiler: Compiler, real: Real, parts: frozenset[str]) -> Callable:
     """Compile wind(state, parameters, integers, step, offset, acceleration): the six triangles of each mass."""
     triangle, air_now = make_triangle(compiler, real), make_air(compiler, real, parts)
     compiled = compiler.compiled

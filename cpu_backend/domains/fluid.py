@@ -87,7 +87,7 @@ class FluidWindow(Fluid):
         return [array[: axes * capacity].reshape(axes, capacity) for array in self._state[:2]]
 
     def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
-        """Remove all particles: those in a slab and near it are `held`."""
+        """Remove all particles; `hold` then stores those in the slab and its halo."""
         self._active_count[0] = 0
 
     def _places(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:

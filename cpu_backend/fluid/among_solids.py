@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from functools import cache
 from types import SimpleNamespace
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from softlab.cpu_backend.fluid.arrays import Carriers, SamplePoints, SolidPoints
 from softlab.cpu_backend.fluid.quads import LANES
 from softlab.cpu_backend.fluid.solid_phases import SUMS, make_sampling, make_solid_constraint
 from softlab.cpu_backend.fluid.solver import Fluid
+from softlab.model.base.types import Real
 from softlab.model.core.plan import Moment, StageRun
 from softlab.model.core.simulation import Options
 from softlab.model.fluid.among_solids import KINDS, kinds_of
@@ -25,7 +26,7 @@ from softlab.model.scene.scene import Scene
 
 
 @cache
-def make_solid_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+def make_solid_stages(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Compile the phases that involve solids, each as a parallel loop (bands, ...)."""
     compiler = Compiler(f"fluid_solids_{np.dtype(real).name}_{math}_{'_'.join(sorted(parts))}", math)
     phases = vars(make_sampling(compiler, real)) | vars(make_solid_constraint(compiler, real, parts))

@@ -1,5 +1,5 @@
-"""Arrays of a fluid for the CPU kernels, by name. A plane has `room` numbers (fluid/solver.py); values of several planes
-lie one plane after the other."""
+"""Arrays of a fluid for the CPU kernels, by name. A plane has `room` numbers (fluid/solver.py); an array of several
+values consists of one plane after the other."""
 
 from __future__ import annotations
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from softlab.cpu_backend.contact.colliders import make_collide_mass
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.own_forces import make_particle_force
 from softlab.cpu_backend.fluid.quads import QUAD, QUADS
+from softlab.model.base.types import Real
 from softlab.model.fluid.parameters import F_BUOYANCY, F_SPEED, FLUID_FIELDS
 from softlab.model.formulas.fluid import cells as formulas_of_cells
 from softlab.model.formulas.fluid import motion
@@ -22,7 +23,7 @@ TABLE = 3  # integers of the table: counts along x, y, z
 LARGEST = 1e30  # limit of a box: particles farther off, or not finite, do not extend it
 
 
-def make_row_of(parts: frozenset[str]) -> Any:
+def make_row_of(parts: frozenset[str]) -> Callable:
     """Make row_of(fluid, k): the offset of the row of the fluid of particle k."""
     several = "fluids" in parts
 
@@ -32,7 +33,7 @@ def make_row_of(parts: frozenset[str]) -> Any:
     return row_of
 
 
-def make_predict(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+def make_predict(compiler: Compiler, real: Real, parts: frozenset[str]) -> Callable:
     """Make predict(band, first, last, step, substep, capacity, state, unsorted, boxes, parameters, fluids, integers,
     bodies, kinds).
 
@@ -97,7 +98,7 @@ def make_predict(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     return predict
 
 
-def make_table(compiler: Compiler, real: Any) -> SimpleNamespace:
+def make_table(compiler: Compiler, real: Real) -> SimpleNamespace:
     """Make `span`, the table around the boxes of all bands, and `enter`, which computes the cells of particles."""
     formulas, fits = compiler.formulas(formulas_of_cells, real), compiler.formulas(formulas_of_cells, None).fits
     cells_along, halved, cell_of = formulas.cells_along, formulas.halved, formulas.cell_of

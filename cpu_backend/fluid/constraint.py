@@ -7,8 +7,8 @@ Positions are stored as planes, and again as quads behind them (after QUADS plan
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
@@ -21,11 +21,12 @@ from softlab.cpu_backend.fluid.pairs import make_pairs
 from softlab.cpu_backend.fluid.quads import LANES, QUAD, QUADS
 from softlab.cpu_backend.fluid.rows import make_rows, make_scratch
 from softlab.cpu_backend.fluid.walls import make_wall_rows
+from softlab.model.base.types import Real
 from softlab.model.fluid.parameters import MAX_NEIGHBOURS
 from softlab.model.tables.cloth import COLLIDER_KINDS
 
 
-def make_sides_of(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+def make_sides_of(compiler: Compiler, real: Real, parts: frozenset[str]) -> Callable:
     """Make sides_of(parameters): Sides of arrays.py."""
     repeats, zero = "repeats" in parts, real(0)
 
@@ -38,7 +39,7 @@ def make_sides_of(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     return sides_of
 
 
-def make_search_phases(compiler: Compiler, real: Any, parts: frozenset[str], cells_in: Any) -> SimpleNamespace:
+def make_search_phases(compiler: Compiler, real: Real, parts: frozenset[str], cells_in: Callable) -> SimpleNamespace:
     """Make `find` and `prepare`, both (part, parts, number, world, parameters, fluids, bodies, kinds).
 
     `find` builds the neighbour lists and the factors. `prepare` also does the first `constrain`, which sums over the
@@ -51,7 +52,7 @@ def make_search_phases(compiler: Compiler, real: Any, parts: frozenset[str], cel
     )
 
 
-def _make_search(compiler: Compiler, real: Any, parts: frozenset[str], cells_in: Any) -> Any:
+def _make_search(compiler: Compiler, real: Real, parts: frozenset[str], cells_in: Callable) -> Callable:
     """Make search(part, parts, world, parameters): it builds the neighbour lists of a band's slices."""
     find_some = make_find(compiler, real, parts, MAX_NEIGHBOURS[2 if "flat" in parts else 3])
     sides_of = make_sides_of(compiler, real, parts)
@@ -71,7 +72,9 @@ def _make_search(compiler: Compiler, real: Any, parts: frozenset[str], cells_in:
     return search
 
 
-def _make_factors(compiler: Compiler, real: Any, parts: frozenset[str], search: Any, constrains: bool) -> Any:
+def _make_factors(
+    compiler: Compiler, real: Real, parts: frozenset[str], search: Callable, constrains: bool
+) -> Callable:
     gradients, wall_rows = make_pairs(compiler, real, parts).gradients, make_wall_rows(compiler, real, parts)
     sides_of, instants = make_sides_of(compiler, real, parts), make_instants(compiler, real, parts)
     scratch_of, rows = make_scratch(compiler), make_rows(compiler, real, parts)
@@ -115,7 +118,7 @@ def _make_factors(compiler: Compiler, real: Any, parts: frozenset[str], search: 
     return factors
 
 
-def make_put(compiler: Compiler) -> Any:
+def make_put(compiler: Compiler) -> Callable:
     """Make put(quads, delta): it stores the changes of a slice's multipliers in the quads of the slice."""
 
     @compiler.compiled
@@ -126,7 +129,7 @@ def make_put(compiler: Compiler) -> Any:
     return put
 
 
-def make_iteration(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
+def make_iteration(compiler: Compiler, real: Real, parts: frozenset[str]) -> SimpleNamespace:
     """Make the phases of an iteration.
 
     `constrain(part, parts, number, place, world, parameters, bodies, kinds)` and `correct(part, parts, number, place,
@@ -137,7 +140,7 @@ def make_iteration(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simp
     )
 
 
-def _make_constrain(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+def _make_constrain(compiler: Compiler, real: Real, parts: frozenset[str]) -> Callable:
     densities, wall_rows = make_pairs(compiler, real, parts).densities, make_wall_rows(compiler, real, parts)
     sides_of, instants = make_sides_of(compiler, real, parts), make_instants(compiler, real, parts)
     scratch_of, relax = make_scratch(compiler), make_rows(compiler, real, parts).relax
@@ -174,7 +177,7 @@ def _make_constrain(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any
     return constrain
 
 
-def _make_correct(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+def _make_correct(compiler: Compiler, real: Real, parts: frozenset[str]) -> Callable:
     corrections, sides_of = make_pairs(compiler, real, parts).corrections, make_sides_of(compiler, real, parts)
     collide, scratch_of = make_collide_row(compiler, real, parts), make_scratch(compiler)
     sums_of, numbers_of, vector_at = scratch_of.sums_of, scratch_of.numbers_of, scratch_of.vector_at

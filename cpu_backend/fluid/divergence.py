@@ -9,8 +9,8 @@ velocities are in the state, where they also end.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
@@ -24,12 +24,13 @@ from softlab.cpu_backend.fluid.pairs import make_pairs
 from softlab.cpu_backend.fluid.quads import LANES, QUAD, QUADS
 from softlab.cpu_backend.fluid.rows import make_scratch
 from softlab.cpu_backend.fluid.walls import make_wall_rows
+from softlab.model.base.types import Real
 from softlab.model.fluid.parameters import F_CHANGE, F_SPEED, F_WEIGHT, MAX_NEIGHBOURS
 from softlab.model.formulas.fluid import density, divergence, motion
 from softlab.model.tables.cloth import COLLIDER_KINDS
 
 
-def make_approach(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: Any) -> SimpleNamespace:
+def make_approach(compiler: Compiler, real: Real, parts: frozenset[str], sides_of: Callable) -> SimpleNamespace:
     """Make `approach(s, many, world, parameters, vector, total)` and `rest_of(i, capacity, wall, vector, total)`."""
     compiled, approaches = compiler.compiled, make_approaches(compiler, real, parts)
     of_wall = compiler.formulas(divergence, real).approach_of_wall
@@ -68,7 +69,7 @@ def make_approach(compiler: Compiler, real: Any, parts: frozenset[str], sides_of
     return SimpleNamespace(approach=approach, rest_of=rest_of)
 
 
-def make_solve(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: Any) -> SimpleNamespace:
+def make_solve(compiler: Compiler, real: Real, parts: frozenset[str], sides_of: Callable) -> SimpleNamespace:
     """Make `survey`, `foresee` and `relax`, phases over slices of LANES particles: (part, parts, ..., world, ...).
 
     `second` is true in the second solve.
@@ -165,7 +166,7 @@ def make_solve(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: A
     return SimpleNamespace(survey=survey, foresee=foresee, relax=relax)
 
 
-def make_push(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: Any) -> SimpleNamespace:
+def make_push(compiler: Compiler, real: Real, parts: frozenset[str], sides_of: Callable) -> SimpleNamespace:
     """Make `push(part, parts, turn, world, parameters, fluids)`: the phase of an iteration after `relax`."""
     compiled, f, scratch_of = compiler.compiled, compiler.formulas(density, real), make_scratch(compiler)
     wall_added, moved, corrections = f.wall_added, f.moved, make_pairs(compiler, real, parts).corrections
@@ -205,7 +206,7 @@ def make_push(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: An
     return SimpleNamespace(push=push)
 
 
-def make_take_up(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
+def make_take_up(compiler: Compiler, real: Real, parts: frozenset[str]) -> SimpleNamespace:
     """Make `take_up` and `move`, the phases after a solve, one particle at a time."""
     compiled, m = compiler.compiled, compiler.formulas(motion, real)
     gained = compiler.formulas(divergence, real).gained

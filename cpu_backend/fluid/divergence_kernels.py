@@ -16,12 +16,13 @@ from softlab.cpu_backend.fluid.divergence_pairs import make_accelerate, make_gat
 from softlab.cpu_backend.fluid.kernels import fluid_compiler, make_sort
 from softlab.cpu_backend.fluid.phases import make_order
 from softlab.cpu_backend.fluid.velocities import make_velocities
+from softlab.model.base.types import Real
 from softlab.model.core.plan import Moment, StageRun
 from softlab.model.fluid.divergence_plan import SECOND
 from softlab.model.fluid.plan import SHAPES
 
 
-def _phases(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
+def _phases(compiler: Compiler, real: Real, parts: frozenset[str]) -> SimpleNamespace:
     order = make_order(compiler, real, parts)
     sides_of, searches = make_sides_of(compiler, real, parts), make_search_phases(compiler, real, parts, order.cells_in)
     phases = vars(order) | vars(make_solve(compiler, real, parts, sides_of))
@@ -33,7 +34,7 @@ def _phases(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNames
 
 
 @cache
-def make_advance_freely(real: Any, math: str, parts: frozenset[str]) -> Any:
+def make_advance_freely(real: Real, math: str, parts: frozenset[str]) -> Callable:
     """Compile advance(bands, steps, step, substeps, iterations, world, parameters, fluids, integers, bodies, kinds).
 
     It runs many steps in one call.
@@ -85,7 +86,7 @@ def make_advance_freely(real: Any, math: str, parts: frozenset[str]) -> Any:
 
 
 @cache
-def make_free_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+def make_free_stages(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Compile each phase as a parallel loop (bands, ...); `sort` runs three phases by a team."""
     compiler = fluid_compiler("fluid_free_stages", real, math, parts)
     phases = _phases(compiler, real, parts)

@@ -3,8 +3,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
@@ -15,12 +15,13 @@ from softlab.cpu_backend.fluid.cells import AXES, BOX, LARGEST, make_row_of
 from softlab.cpu_backend.fluid.lists import make_wrap
 from softlab.cpu_backend.fluid.quads import LANES
 from softlab.cpu_backend.fluid.smoothing import make_smoothing
+from softlab.model.base.types import Real
 from softlab.model.fluid.parameters import F_BUOYANCY, F_DRAG, F_SPEED, F_SURFACE_DRAG, MAX_NEIGHBOURS
 from softlab.model.fluid.plan import SMOOTHING
 from softlab.model.formulas.fluid import density, divergence, motion
 
 
-def make_approaches(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+def make_approaches(compiler: Compiler, real: Real, parts: frozenset[str]) -> Callable:
     """Make approaches(many, first, entries, x, y, z, u, v, w, centre_x, ..., centre_w, sides, support, inverse, scale,
     total).
 
@@ -49,7 +50,7 @@ def make_approaches(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any
     return approaches
 
 
-def make_gather(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+def make_gather(compiler: Compiler, real: Real, parts: frozenset[str]) -> Callable:
     """Make gather(part, parts, world, parameters): it copies the state, wrapped into the periodic box, and writes the
     bounding box of the band."""
     wrapped_offset, compiled = compiler.formulas(motion, real).wrapped_offset, compiler.compiled
@@ -78,7 +79,7 @@ def make_gather(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     return gather
 
 
-def make_accelerate(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: Any) -> SimpleNamespace:
+def make_accelerate(compiler: Compiler, real: Real, parts: frozenset[str], sides_of: Callable) -> SimpleNamespace:
     """Make `accelerate`: it updates the velocities between the solves, one particle at a time."""
     compiled, m = compiler.compiled, compiler.formulas(motion, real)
     accelerated, buoyant, braked, speed_of, slowed = m.accelerated, m.buoyant, m.braked, m.speed_of, m.slowed
@@ -90,7 +91,7 @@ def make_accelerate(compiler: Compiler, real: Any, parts: frozenset[str], sides_
 
     @compiled
     def forced(number, row, step, parameters, fluids, integers):
-        """Return the acceleration of a particle by gravity and own forces [m/s^2]."""
+        """Return the acceleration of a particle by gravity and the forces on single particles [m/s^2]."""
         ax, ay, az = zero, zero, zero
         if has_gravity:
             ay = buoyant(parameters.gravity, fluids[row + F_BUOYANCY])

@@ -5,8 +5,8 @@ Active particles are first in the state's arrays. fluid/arrays.py describes the 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.fluid.arrays import Fluid, Sizes
+from softlab.model.base.types import Real
 from softlab.model.fluid.flow import (
     E_BEFORE,
     E_COUNT,
@@ -49,7 +50,7 @@ BOX, SPHERE, _ = range(len(SINK_SHAPES))
 GONE = -1  # the cell of a removed particle
 
 
-def make_flow(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
+def make_flow(compiler: Compiler, real: Real, parts: frozenset[str]) -> SimpleNamespace:
     """Make `emit`, `drain`, `rest` and `there_of`.
 
     `emit(number, world, parameters, flow)`, by one thread: emit the particles of substep `number`. `drain(part, shared,
@@ -139,7 +140,7 @@ def make_flow(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNam
     return SimpleNamespace(emit=emit, drain=drain, rest=rest, there_of=there_of)
 
 
-def make_flowing(compiler: Compiler, phases: SimpleNamespace, drains: bool) -> dict[str, Any]:
+def make_flowing(compiler: Compiler, phases: SimpleNamespace, drains: bool) -> dict[str, Callable]:
     """Make `emit(bands, number, world, parameters, flow)` and `sort(bands, world, parameters, flow)`, each by a team.
 
     `sort` handles the active particles and removes those in sinks.

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from softlab.cpu_backend.contact.colliders import (
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.fluid.walls import make_aways
+from softlab.model.base.types import Real
 from softlab.model.contact.cloth_parameters import (
     B_SPIN,
     B_THICKNESS,
@@ -36,7 +37,7 @@ from softlab.model.fluid.plan import WALLS
 from softlab.model.formulas.fluid import density, impact, motion
 
 
-def make_impact(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
+def make_impact(compiler: Compiler, real: Real, parts: frozenset[str]) -> SimpleNamespace:
     """Make `impact` and `settled` (model/formulas/fluid/impact.py).
 
     `impact(bodies, kinds, number, parameters, b (3), u (3), p (3), v (3), most)` returns the position (3) and velocity
@@ -69,7 +70,7 @@ def make_impact(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleN
     return SimpleNamespace(impact=impact_of, settled=_make_settled(compiler, real, parts))
 
 
-def _make_settled(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+def _make_settled(compiler: Compiler, real: Real, parts: frozenset[str]) -> Callable:
     compiled, zero, one_wall = compiler.compiled, real(0), _make_one_wall(compiler, real, parts)
     plane, sphere, capsule, box, mesh, field = (one_wall(kind) for kind in WALLS)
     has_plane, has_sphere, has_capsule, has_box, has_mesh, has_field = (kind in parts for kind in WALLS)
@@ -100,7 +101,7 @@ def _make_settled(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     return settled
 
 
-def _make_one_wall(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+def _make_one_wall(compiler: Compiler, real: Real, parts: frozenset[str]) -> Callable:
     """Make one_wall(kind) -> settle(body, given, total, vx, vy, vz), which returns (total, velocity) after one more
     collider. `total` is the wall density of the colliders so far."""
     compiled, f, g = compiler.compiled, compiler.formulas(density, real), compiler.formulas(impact, real)
@@ -109,7 +110,7 @@ def _make_one_wall(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     rebound, without, surface_velocity = g.rebound, g.without, g.surface_velocity
     aways, point = make_aways(compiler, real, parts), make_push(compiler, real, parts).point
 
-    def one_wall(kind: str) -> Any:
+    def one_wall(kind: str) -> Callable:
         away, turns = aways[kind], kind in ("mesh_collider", "distance_field")
 
         @compiled

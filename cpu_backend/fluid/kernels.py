@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
@@ -14,10 +14,11 @@ from softlab.cpu_backend.fluid.constraint import make_iteration, make_search_pha
 from softlab.cpu_backend.fluid.flow import make_flow, make_flowing
 from softlab.cpu_backend.fluid.phases import make_order
 from softlab.cpu_backend.fluid.velocities import make_velocities
+from softlab.model.base.types import Real
 from softlab.model.fluid.plan import SHAPES
 
 
-def _phases(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
+def _phases(compiler: Compiler, real: Real, parts: frozenset[str]) -> SimpleNamespace:
     order = make_order(compiler, real, parts)
     searches = make_search_phases(compiler, real, parts, order.cells_in)
     iteration = make_iteration(compiler, real, parts)
@@ -26,13 +27,13 @@ def _phases(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNames
     return SimpleNamespace(**vars(order), **vars(searches), **vars(iteration), **vars(velocities), **vars(flow))
 
 
-def fluid_compiler(name: str, real: Any, math: str, parts: frozenset[str]) -> Compiler:
+def fluid_compiler(name: str, real: Real, math: str, parts: frozenset[str]) -> Compiler:
     """Return the compiler of the kernels called `name`."""
     return Compiler(f"{name}_{np.dtype(real).name}_{math}_{'_'.join(sorted(parts))}", math)
 
 
 @cache
-def make_advance(real: Any, math: str, parts: frozenset[str]) -> Any:
+def make_advance(real: Real, math: str, parts: frozenset[str]) -> Callable:
     """Compile advance(bands, steps, step, substeps, iterations, everyone, parameters, fluids, integers, bodies, kinds,
     flow).
 
@@ -97,7 +98,7 @@ def make_advance(real: Any, math: str, parts: frozenset[str]) -> Any:
 
 
 @cache
-def make_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+def make_stages(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Compile each phase as a parallel loop (bands, ...).
 
     `sort` runs three phases by a team; with emitters or sinks `make_flowing` of cpu_backend/fluid/flow.py makes it.
@@ -111,7 +112,7 @@ def make_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
     return SimpleNamespace(sort=make_sort(compiler, phases), **loops)
 
 
-def make_sort(compiler: Compiler, phases: SimpleNamespace) -> Any:
+def make_sort(compiler: Compiler, phases: SimpleNamespace) -> Callable:
     """Make sort(bands, world, parameters): three phases, by a team."""
     enter, tally, put = phases.enter, phases.tally, phases.put
 

@@ -9,8 +9,8 @@ Indices of entries are unsigned where many are written: for a signed index numba
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.fluid.bits import WORD, bits_below, bits_of, lowest_bit, without, without_lowest
 from softlab.cpu_backend.fluid.quads import LANES
+from softlab.model.base.types import Real
 from softlab.model.formulas.fluid import density
 
 AROUND = 1024  # capacity for the particles of 27 cells; more are processed in batches
@@ -26,7 +27,7 @@ FAR = 1e15  # m: coordinate of `nobody`; its square is finite in float32
 TOGETHER = 12  # bits handled in one pass, even if fewer are left
 
 
-def make_wrap(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+def make_wrap(compiler: Compiler, real: Real, parts: frozenset[str]) -> Callable:
     """Make wrap(dx, dy, dz, sides): the shortest difference in a periodic box; `sides`: Sides of arrays.py."""
     wrapped = compiler.formulas(density, real).wrapped
     repeats, flat = "repeats" in parts, "flat" in parts
@@ -42,7 +43,7 @@ def make_wrap(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     return wrap
 
 
-def _make_picked(compiler: Compiler, real: Any, parts: frozenset[str], most: int) -> Any:
+def _make_picked(compiler: Compiler, real: Real, parts: frozenset[str], most: int) -> Callable:
     squared, wrap = compiler.formulas(density, real).squared, make_wrap(compiler, real, parts)
     has_solids = "solids" in parts
 
@@ -89,7 +90,7 @@ def _make_picked(compiler: Compiler, real: Any, parts: frozenset[str], most: int
     return picked
 
 
-def _make_runs_around(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+def _make_runs_around(compiler: Compiler, real: Real, parts: frozenset[str]) -> Callable:
     repeats, flat, zero = "repeats" in parts, "flat" in parts, real(0)
 
     @compiler.compiled
@@ -122,7 +123,7 @@ def _make_runs_around(compiler: Compiler, real: Any, parts: frozenset[str]) -> A
     return runs_around
 
 
-def _make_gathered(compiler: Compiler, real: Any) -> SimpleNamespace:
+def _make_gathered(compiler: Compiler, real: Real) -> SimpleNamespace:
     far = real(FAR)
 
     @compiler.row
@@ -149,7 +150,7 @@ def _make_gathered(compiler: Compiler, real: Any) -> SimpleNamespace:
     return SimpleNamespace(gathered=gathered, filled_up=filled_up)
 
 
-def make_find(compiler: Compiler, real: Any, parts: frozenset[str], most: int) -> Any:
+def make_find(compiler: Compiler, real: Real, parts: frozenset[str], most: int) -> Callable:
     """Make find(first, last, world, cells, sides, parameters, around).
 
     It builds the lists of the slices `first` to before `last` and returns the number of neighbours that did not fit.

@@ -4,7 +4,6 @@ and 5). Arguments: `many` entries of the slice's list, the quads of all particle
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
@@ -12,11 +11,12 @@ from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.fluid.cells import make_row_of
 from softlab.cpu_backend.fluid.lists import make_wrap
 from softlab.cpu_backend.fluid.quads import LANES, read_quads
+from softlab.model.base.types import Real
 from softlab.model.fluid.parameters import F_WEIGHT
 from softlab.model.formulas.fluid import density
 
 
-def make_pairs(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
+def make_pairs(compiler: Compiler, real: Real, parts: frozenset[str]) -> SimpleNamespace:
     """Make `densities`, `gradients`, `corrections`, which add to their sums; the sums are 0 at first."""
     f, wrap = compiler.formulas(density, real), make_wrap(compiler, real, parts)
     squared, near, closeness, apart, slope = f.squared, f.near, f.closeness, f.apart, f.slope

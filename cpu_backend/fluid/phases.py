@@ -6,15 +6,15 @@ All take the same `world`, Fluid of arrays.py.
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.fluid.cells import make_predict, make_sort, make_table
+from softlab.model.base.types import Real
 
 
-def make_order(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
+def make_order(compiler: Compiler, real: Real, parts: frozenset[str]) -> SimpleNamespace:
     """Make `predict`, `enter`, `tally`, `put`: the phases up to the sort, (part, parts, step, world, ...)."""
     predict_some, table, sort = (
         make_predict(compiler, real, parts),

@@ -24,7 +24,7 @@ GROUP = LANES // QUAD
 _built_in: Any = intrinsic  # typed by numba when it is compiled
 
 
-def _joined(builder: Any, parts: list[Any]) -> Any:
+def _joined(builder: ir.IRBuilder, parts: list[Any]) -> Any:
     """Concatenate several vectors."""
     while len(parts) > 1:
         size = parts[0].type.count
@@ -33,7 +33,7 @@ def _joined(builder: Any, parts: list[Any]) -> Any:
     return parts[0]
 
 
-def _interleaved(builder: Any, a: Any, b: Any, first: int, run: int) -> Any:
+def _interleaved(builder: ir.IRBuilder, a: Any, b: Any, first: int, run: int) -> Any:
     """Take half of each QUAD of two vectors: a run of numbers of `a` from `first` on, a run of `b`, and so on."""
     places = []
     for quad in range(0, LANES, QUAD):
@@ -42,7 +42,7 @@ def _interleaved(builder: Any, a: Any, b: Any, first: int, run: int) -> Any:
     return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(ir.IntType(32), LANES), places))
 
 
-def _planes(builder: Any, quads: list[Any]) -> list[Any]:
+def _planes(builder: ir.IRBuilder, quads: list[Any]) -> list[Any]:
     """Return x, y, z, w of LANES quads. Each QUAD of a vector is a quad: shuffles stay within 128 bits of float32."""
     rows = [_joined(builder, [quads[m + QUAD * n] for n in range(GROUP)]) for m in range(QUAD)]
     xy = [_interleaved(builder, rows[n], rows[n + 1], 0, 1) for n in (0, 2)]  # x, x, y, y of two quads

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.fluid.cells import make_row_of
 from softlab.cpu_backend.fluid.quads import LANES
+from softlab.model.base.types import Real
 from softlab.model.fluid.parameters import F_WEIGHT
 from softlab.model.formulas.fluid import density
 
@@ -49,7 +49,7 @@ def make_scratch(compiler: Compiler) -> SimpleNamespace:
     return SimpleNamespace(sums_of=sums_of, numbers_of=numbers_of, vector_at=vector_at)
 
 
-def make_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
+def make_rows(compiler: Compiler, real: Real, parts: frozenset[str]) -> SimpleNamespace:
     """Make `factors`, `relax` and `move`.
 
     `factors(relaxation, softness, fluid, fluids, gx, gy, gz, squares, wx, wy, wz, factor, multiplier)`. `relax(lattice_sum,

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
@@ -11,16 +11,17 @@ from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.fluid.cells import make_row_of
 from softlab.cpu_backend.fluid.lists import make_wrap
 from softlab.cpu_backend.fluid.quads import LANES
+from softlab.model.base.types import Real
 from softlab.model.fluid.parameters import F_COHESION, F_CONFINEMENT, F_TENSION, F_VISCOSITY, F_WEIGHT
 from softlab.model.formulas.fluid import density, motion
 
 
-def make_smoothing(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
+def make_smoothing(compiler: Compiler, real: Real, parts: frozenset[str]) -> SimpleNamespace:
     """Make `shapes` (normals, vorticity) and `smooth` (velocities), one particle at a time (plan, 7 and 8)."""
     return SimpleNamespace(shapes=_make_shapes(compiler, real, parts), smooth=_make_smooth(compiler, real, parts))
 
 
-def _make_difference(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+def _make_difference(compiler: Compiler, real: Real, parts: frozenset[str]) -> Callable:
     f, wrap = compiler.formulas(density, real), make_wrap(compiler, real, parts)
     squared, apart = f.squared, f.apart
 
@@ -39,7 +40,7 @@ def _make_difference(compiler: Compiler, real: Any, parts: frozenset[str]) -> An
     return difference
 
 
-def _make_shapes(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+def _make_shapes(compiler: Compiler, real: Real, parts: frozenset[str]) -> Callable:
     f, curl_added = compiler.formulas(density, real), compiler.formulas(motion, real).curl_added
     slope, gradient_added, difference = f.slope, f.gradient_added, _make_difference(compiler, real, parts)
     has_tension, has_vorticity, has_solids = "surface-tension" in parts, "vorticity" in parts, "solids" in parts
@@ -70,7 +71,7 @@ def _make_shapes(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     return shapes
 
 
-def _make_smooth(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+def _make_smooth(compiler: Compiler, real: Real, parts: frozenset[str]) -> Callable:
     f, m = compiler.formulas(density, real), compiler.formulas(motion, real)
     near, slope, speed_of, difference = f.near, f.slope, m.speed_of, _make_difference(compiler, real, parts)
     smoothing_weight, smooth_added, pull, pull_added = m.smoothing_weight, m.smooth_added, m.pull, m.pull_added

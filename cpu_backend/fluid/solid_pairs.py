@@ -5,16 +5,16 @@ particles, in the order of cells."""
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import Any
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.fluid.cells import make_row_of
 from softlab.cpu_backend.fluid.quads import LANES
+from softlab.model.base.types import Real
 from softlab.model.fluid.parameters import F_VISCOSITY
 from softlab.model.formulas.fluid import density, solids
 
 
-def make_solid_pairs(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
+def make_solid_pairs(compiler: Compiler, real: Real, parts: frozenset[str]) -> SimpleNamespace:
     """Make `densities`, `gradients`, `corrections`, which add to their sums (0 at first), and `frictions`."""
     f, m = compiler.formulas(density, real), compiler.formulas(solids, real)
     squared, near, closeness, apart, slope = f.squared, f.near, f.closeness, f.apart, f.slope

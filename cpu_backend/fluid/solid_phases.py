@@ -5,8 +5,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from softlab.cpu_backend.fluid.quads import LANES
 from softlab.cpu_backend.fluid.rows import make_rows, make_scratch
 from softlab.cpu_backend.fluid.solid_pairs import make_solid_pairs
 from softlab.cpu_backend.fluid.walls import make_wall_rows
+from softlab.model.base.types import Real
 from softlab.model.fluid.among_solids import K_GRIP, K_LIGHTNESS, KINDS
 from softlab.model.fluid.parameters import F_WEIGHT, MAX_NEIGHBOURS
 from softlab.model.fluid.samples import CORNERS
@@ -27,7 +28,7 @@ from softlab.model.tables.cloth import COLLIDER_KINDS
 SUMS = 5  # rows of LANES for each band
 
 
-def make_sampling(compiler: Compiler, real: Any) -> SimpleNamespace:
+def make_sampling(compiler: Compiler, real: Real) -> SimpleNamespace:
     """Make `sample`, `gather`, `follow`, `push`: phases that couple samples to solids, (part, parts, ...)."""
     compiled, formulas = compiler.compiled, compiler.formulas(solids, real)
     middle, carried_on = formulas.middle, formulas.carried_on
@@ -121,7 +122,7 @@ def make_sampling(compiler: Compiler, real: Any) -> SimpleNamespace:
     return SimpleNamespace(sample=sample, gather=gather, follow=follow, push=push)
 
 
-def make_solid_constraint(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
+def make_solid_constraint(compiler: Compiler, real: Real, parts: frozenset[str]) -> SimpleNamespace:
     """Make `factors`, `constrain`, `correct`: phases of the density constraint among solids, over slices of LANES."""
     return SimpleNamespace(
         factors=_make_factors(compiler, real, parts), constrain=_make_constrain(compiler, real, parts),
@@ -129,7 +130,7 @@ def make_solid_constraint(compiler: Compiler, real: Any, parts: frozenset[str]) 
     )  # fmt: skip
 
 
-def _make_factors(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+def _make_factors(compiler: Compiler, real: Real, parts: frozenset[str]) -> Callable:
     gradients, vector_at = make_solid_pairs(compiler, real, parts).gradients, make_scratch(compiler).vector_at
     wall_rows, instants = make_wall_rows(compiler, real, parts), make_instants(compiler, real, parts)
     factor_rows, most = make_rows(compiler, real, parts).factors, MAX_NEIGHBOURS[AXES]
@@ -178,7 +179,7 @@ def _make_factors(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     return factors
 
 
-def _make_constrain(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+def _make_constrain(compiler: Compiler, real: Real, parts: frozenset[str]) -> Callable:
     densities, vector_at = make_solid_pairs(compiler, real, parts).densities, make_scratch(compiler).vector_at
     wall_rows, instants = make_wall_rows(compiler, real, parts), make_instants(compiler, real, parts)
     relax, most, has_walls, zero = (
@@ -219,7 +220,7 @@ def _make_constrain(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any
     return constrain
 
 
-def _make_correct(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+def _make_correct(compiler: Compiler, real: Real, parts: frozenset[str]) -> Callable:
     compiled, f, vector_at = compiler.compiled, compiler.formulas(density, real), make_scratch(compiler).vector_at
     wall_added, moved, most = f.wall_added, f.moved, MAX_NEIGHBOURS[AXES]
     pairs, touch = make_solid_pairs(compiler, real, parts), make_collide_mass(compiler, real, parts)

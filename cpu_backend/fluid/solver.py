@@ -142,7 +142,7 @@ class Fluid(FluidSimulation, ParticlesSimulation):
         last = buffers[iterations % 2]
 
         def run(kernel: Any, *names: str) -> StageRun:
-            """Make a stage that takes the attributes `names`."""
+            """Make a stage that calls `kernel` with the attributes `names`."""
 
             def stage_run(moment: Moment) -> None:
                 here = moment.iteration % 2

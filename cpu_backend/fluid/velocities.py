@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
@@ -15,13 +15,14 @@ from softlab.cpu_backend.fluid.impact import make_impact
 from softlab.cpu_backend.fluid.quads import LANES
 from softlab.cpu_backend.fluid.rows import make_scratch
 from softlab.cpu_backend.fluid.smoothing import make_smoothing
+from softlab.model.base.types import Real
 from softlab.model.fluid.parameters import F_CHANGE, F_DRAG, F_SPEED, F_SURFACE_DRAG, F_WEIGHT, MAX_NEIGHBOURS
 from softlab.model.fluid.plan import SMOOTHING
 from softlab.model.formulas.fluid import motion
 from softlab.model.tables.cloth import COLLIDER_KINDS
 
 
-def make_velocities(compiler: Compiler, real: Any, parts: frozenset[str], sides_of: Any) -> SimpleNamespace:
+def make_velocities(compiler: Compiler, real: Real, parts: frozenset[str], sides_of: Callable) -> SimpleNamespace:
     """Make `update`, `shape`, `finish`, phases (part, parts, ..., place, world, ...); `place` are the positions."""
     compiled, m = compiler.compiled, compiler.formulas(motion, real)
     speed_of, slowed, braked, around = m.speed_of, m.slowed, m.braked, make_smoothing(compiler, real, parts)
@@ -76,7 +77,7 @@ def make_velocities(compiler: Compiler, real: Any, parts: frozenset[str], sides_
     return SimpleNamespace(update=_make_update(compiler, real, parts), shape=shape, finish=finish)
 
 
-def _make_update(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+def _make_update(compiler: Compiler, real: Real, parts: frozenset[str]) -> Callable:
     compiled, m = compiler.compiled, compiler.formulas(motion, real)
     velocity_of, limited_change, speed_of = m.velocity_of, m.limited_change, m.speed_of
     collide, scratch_of = make_collide_row(compiler, real, parts), make_scratch(compiler)
@@ -133,7 +134,7 @@ def _make_update(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     return update
 
 
-def _make_at_walls(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+def _make_at_walls(compiler: Compiler, real: Real, parts: frozenset[str]) -> Callable:
     """Make at_walls(base, number, world, parameters, fluids, bodies, kinds, x, y, z, u, v, w).
 
     It updates the velocities (u, v, w) of a slice at (x, y, z) for impacts on colliders, without the rebound from

@@ -3,7 +3,7 @@ range contributes zeros."""
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from softlab.cpu_backend.contact.colliders import BOX, CAPSULE, FIELD, MESH, PLA
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.fluid.quads import LANES
+from softlab.model.base.types import Real
 from softlab.model.contact.cloth_parameters import (
     B_RADIUS,
     B_SPIN,
@@ -33,7 +34,7 @@ from softlab.model.formulas import colliders
 from softlab.model.formulas.fluid import density, surfaces
 
 
-def make_wall_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+def make_wall_rows(compiler: Compiler, real: Real, parts: frozenset[str]) -> Callable:
     """Make wall_rows(bodies, kinds, time, parameters, x, y, z, wall_part, gx, gy, gz).
 
     It writes what all colliders at `time` [s] contribute to the density of LANES particles, and its gradient.
@@ -67,7 +68,7 @@ def make_wall_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     return wall_rows
 
 
-def make_aways(compiler: Compiler, real: Any, parts: frozenset[str]) -> dict[str, Any]:
+def make_aways(compiler: Compiler, real: Real, parts: frozenset[str]) -> dict[str, Callable]:
     """Make, by kind, away(body, time, reach, x, y, z) -> (distance, normal) of a position from a collider's surface.
 
     Colliders made from a mesh return `max_distance` where the surface is farther.
@@ -76,7 +77,7 @@ def make_aways(compiler: Compiler, real: Any, parts: frozenset[str]) -> dict[str
     plane, sphere, capsule, box = distances.plane, distances.sphere, distances.capsule, distances.box
     surface, point = compiler.formulas(surfaces, real), make_push(compiler, real, parts).point
 
-    def of_surface(away_from: Any) -> Any:
+    def of_surface(away_from: Callable) -> Callable:
         @compiled
         def away(body, time, max_distance, x, y, z):
             path = (
@@ -111,7 +112,7 @@ def make_aways(compiler: Compiler, real: Any, parts: frozenset[str]) -> dict[str
     return dict(zip(WALLS, (*aways, of_surface(surface.distance_field)), strict=True))
 
 
-def _make_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+def _make_rows(compiler: Compiler, real: Real, parts: frozenset[str]) -> Callable:
     """Make row_of(away) -> row(body, time, support, inverse_range, wall_scale, wall_gradient, x, y, z, share, gx, gy,
     gz).
 
@@ -121,7 +122,7 @@ def _make_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     beyond, wall_near, wall_density = formulas.beyond, formulas.wall_near, formulas.wall_density
     wall_slope, joined_density, joined_gradient = formulas.wall_slope, formulas.joined_density, formulas.joined_gradient
 
-    def row_of(away: Any) -> Any:
+    def row_of(away: Callable) -> Callable:
         @compiler.row
         def row(body, time, support, inverse_range, scale, gradient, x, y, z, wall_part, gx, gy, gz):
             thickness = body[B_THICKNESS]

@@ -11,11 +11,12 @@ import numpy as np
 from numba import prange
 
 from softlab.cpu_backend.core.compile import Compiler
+from softlab.model.base.types import Real
 from softlab.model.core.plan import Moment, StageRun
 from softlab.model.formulas import integrators, springs
 
 
-def make_motion_stages(compiler: Compiler, real: Any, integrator: str, has_damping: bool = True) -> SimpleNamespace:
+def make_motion_stages(compiler: Compiler, real: Real, integrator: str, has_damping: bool = True) -> SimpleNamespace:
     """Make the kernels of damping and of an integrator."""
     kernel, damped = compiler.kernel, compiler.formulas(springs, real).damped
     formulas = compiler.formulas(integrators, real, damped=has_damping)

@@ -6,9 +6,10 @@ so threads may process any part of it: the state's bits depend neither on their 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,6 +21,7 @@ from softlab.cpu_backend.core.own_forces import make_particle_force
 from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.core.scratch import cloth_variant
 from softlab.cpu_backend.core.wind import make_air, make_triangle
+from softlab.model.base.types import Real
 from softlab.model.formulas import distance
 from softlab.model.particles.constraints import Projection
 from softlab.model.position_based.mesh_plan import BODY_DAMPING, TOUCHING
@@ -43,7 +45,7 @@ class World(NamedTuple):
     driven: np.ndarray
 
 
-def make_begin(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+def make_begin(compiler: Compiler, real: Real, parts: frozenset[str]) -> Callable:
     """Make begin(first, last, step, substep, before, velocity, position, parameters, integers, wind_lists).
 
     It predicts the positions of the masses `first` to before `last`; `wind_lists`: (offsets, triangles at each vertex,
@@ -107,7 +109,7 @@ def make_begin(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     return begin
 
 
-def make_end(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
+def make_end(compiler: Compiler, real: Real, parts: frozenset[str]) -> SimpleNamespace:
     """Make `update(first, last, before, position, velocity, parameters)`, velocities of the substep, and
     `collide(first, last, substep, before, position, velocity, parameters, bodies, kinds)`, collisions."""
     rate = compiler.formulas(distance, real).rate
@@ -140,7 +142,7 @@ def make_end(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleName
     return SimpleNamespace(update=update, collide=collide)
 
 
-def make_touching(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
+def make_touching(compiler: Compiler, real: Real, parts: frozenset[str]) -> SimpleNamespace:
     """Make the actions of colliders within iterations, on the masses `first` to before `last`.
 
     `touch(first, last, substep, fresh, before, position, pushes, parameters, bodies, kinds)`: positions after colliders;
@@ -180,7 +182,7 @@ def make_touching(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simpl
     return SimpleNamespace(touch=touch, release=release)
 
 
-def make_substep(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
+def make_substep(compiler: Compiler, real: Real, parts: frozenset[str]) -> SimpleNamespace:
     """Make `opening` and `closing`, run by all threads of a team before and after a substep's constraints.
 
     `opening(team, member, bands, frame, number, position, velocity, before, predicted, world)`: positions are saved in
@@ -222,7 +224,7 @@ def make_substep(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
 
 
 @cache
-def make_mesh_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+def make_mesh_stages(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Compile the stages, one parallel loop each: `predict`; `update`, `collide`, `pins`, `touch` and `release` as the
     functions that they call, with the number of `bands` instead of a range. core/constraints.py has those of
     constraints."""
@@ -269,7 +271,7 @@ def make_mesh_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
 
 
 @cache
-def make_mesh_advance(real: Any, math: str, parts: frozenset[str], projections: tuple[Projection, ...]) -> Any:
+def make_mesh_advance(real: Real, math: str, parts: frozenset[str], projections: tuple[Projection, ...]) -> Callable:
     """Compile advance(bands, steps, position, velocity, before, sets, world, pushes): many steps in one call.
 
     `steps`: a Steps; `world`: a World; `sets`: (corners, values, multipliers, starts) of each set of constraints, in

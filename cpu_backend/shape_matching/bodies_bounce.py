@@ -3,9 +3,9 @@ of both bodies (model/shape_matching/rigid_rebound.py)."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
@@ -16,11 +16,12 @@ from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.shape_matching.damping import make_damping
 from softlab.cpu_backend.shape_matching.motions import make_motions
 from softlab.cpu_backend.shape_matching.rebound import AXES, make_response
+from softlab.model.base.types import Real
 from softlab.model.formulas.shape_matching import rebound
 from softlab.model.formulas.shape_matching.pace import MOTION
 
 
-def make_transfers(compiler: Compiler, real: Any) -> SimpleNamespace:
+def make_transfers(compiler: Compiler, real: Real) -> SimpleNamespace:
     """Make `spread` and `join`, which transfer between whole bodies and the particles `first` to before `last`."""
     formulas = compiler.formulas(rebound, real)
     joined, zero, one = formulas.joined, real(0), real(1)
@@ -56,7 +57,7 @@ def make_transfers(compiler: Compiler, real: Any) -> SimpleNamespace:
     return SimpleNamespace(spread=spread, join=join)
 
 
-def make_impulses(compiler: Compiler, real: Any, scaled: bool) -> Any:
+def make_impulses(compiler: Compiler, real: Real, scaled: bool) -> Callable:
     """Make apply_all(team, member, bands, position, velocity, weights, contacts, impulses, scales, travel).
 
     It writes the velocity changes of bouncing particles into `impulses` (particles_bounce.make_passes).
@@ -81,7 +82,7 @@ def make_impulses(compiler: Compiler, real: Any, scaled: bool) -> Any:
 
 
 @cache
-def make_bodies_bounce(real: Any, math: str) -> Any:
+def make_bodies_bounce(real: Real, math: str) -> Callable:
     """Make bounce(team, member, bands, position, velocity, weights, contacts, arrays, scratch, pitch), run by each
     member of a team (core/progress.py).
 
@@ -156,7 +157,7 @@ def make_bodies_bounce(real: Any, math: str) -> Any:
 
 
 @cache
-def make_bodies_bounce_stage(real: Any, math: str) -> Any:
+def make_bodies_bounce_stage(real: Real, math: str) -> Callable:
     """Compile bounce(bands, position, velocity, weights, contacts, arrays, scratch, pitch): see make_bodies_bounce."""
     bounce_all = make_bodies_bounce(real, math)
 

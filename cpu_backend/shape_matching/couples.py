@@ -3,9 +3,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
@@ -13,12 +13,13 @@ from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.shape_matching.damping import make_lane_sum
+from softlab.model.base.types import Real
 from softlab.model.formulas.shape_matching import couple, pace, rigid
 from softlab.model.formulas.shape_matching.cluster import LANES
 from softlab.model.formulas.shape_matching.couple import SPIN, SUMS
 
 
-def make_couples(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
+def make_couples(compiler: Compiler, real: Real, parts: frozenset[str]) -> SimpleNamespace:
     """Make `gather(c, position, count, arrays, scratch)`, the turn of cluster c, and `turn(first, last, position,
     travel, weights, count, arrays)`, which moves particles and zeroes their couples. Both do nothing unless `parts` has
     couples."""
@@ -128,7 +129,7 @@ def _without(compiler: Compiler) -> SimpleNamespace:
 
 
 @cache
-def make_couples_stage(real: Any, math: str, parts: frozenset[str]) -> Any:
+def make_couples_stage(real: Real, math: str, parts: frozenset[str]) -> Callable:
     """Compile turn(bands, position, travel, weights, count, arrays, scratch, pitch): all clusters, then all particles,
     one parallel loop each; `pitch`: numbers in a band's scratch."""
     compiler = Compiler(f"bodies_couples_{np.dtype(real).name}_{math}{'_rigid' * ('rigid-motion' in parts)}", math)

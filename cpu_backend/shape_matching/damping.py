@@ -3,9 +3,9 @@ motions."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
@@ -13,12 +13,13 @@ from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.shape_matching.motions import make_motions
+from softlab.model.base.types import Real
 from softlab.model.formulas.shape_matching import cluster, pace
 from softlab.model.formulas.shape_matching.cluster import LANES
 from softlab.model.formulas.shape_matching.pace import MOMENTA, MOTION
 
 
-def make_lane_sum(compiler: Compiler, real: Any) -> Any:
+def make_lane_sum(compiler: Compiler, real: Real) -> Callable:
     """Make sum_of(lanes, n): the sum of row n, of LANES numbers."""
     total = compiler.formulas(cluster, real).total
 
@@ -34,7 +35,7 @@ def make_lane_sum(compiler: Compiler, real: Any) -> Any:
     return sum_of
 
 
-def make_damping(compiler: Compiler, real: Any, damped: bool) -> SimpleNamespace:
+def make_damping(compiler: Compiler, real: Real, damped: bool) -> SimpleNamespace:
     """Make `gather(c, position, velocity, count, arrays, motions, scratch)`, the rigid motion of cluster c, into
     `motions`, and `slow(first, last, position, velocity, count, arrays)`, which moves particles' velocities towards those
     of their clusters.
@@ -48,7 +49,7 @@ def make_damping(compiler: Compiler, real: Any, damped: bool) -> SimpleNamespace
     motion, slowed, motion_of = formulas.motion, formulas.slowed, make_motions(compiler, real).motion_of
     zero = real(0)
 
-    def make_rows(gathers: bool) -> Any:
+    def make_rows(gathers: bool) -> Callable:
         def momenta_rows(blocks, x0, y0, z0, u0, v0, w0, slots, x, y, z, vx, vy, vz, mass, lanes):
             for n in range(MOMENTA * LANES):
                 lanes[n] = zero
@@ -144,7 +145,7 @@ def _undamped(compiler: Compiler) -> SimpleNamespace:
 
 
 @cache
-def make_damping_stage(real: Any, math: str) -> Any:
+def make_damping_stage(real: Real, math: str) -> Callable:
     """Compile damp(bands, position, velocity, count, arrays, scratch, pitch): all clusters, then all particles, one
     parallel loop each; `pitch`: numbers in a band's scratch."""
     compiler = Compiler(f"bodies_damping_{np.dtype(real).name}_{math}", math)

@@ -6,8 +6,6 @@ shape_matching/matching.py. In `exact` math both give the same bits, for any num
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
@@ -20,13 +18,14 @@ from softlab.cpu_backend.shape_matching.matching import STATES, Grid, make_match
 from softlab.cpu_backend.shape_matching.matching_rows import CLUSTER
 from softlab.cpu_backend.shape_matching.matching_stages import make_matching_stages
 from softlab.model.assets.lattice import TABLE, matching_axis
+from softlab.model.base.types import Real
 from softlab.model.core.plan import Executor, Moment, StageRun
 from softlab.model.core.simulation import Options
 from softlab.model.scene.scene import Scene
 from softlab.model.shape_matching.plan import window_plan
 
 
-def aligned(rows: int, columns: int, real: Any) -> Layout:
+def aligned(rows: int, columns: int, real: Real) -> Layout:
     """Return a layout whose rows begin at cache lines, an odd number of them apart; planes have no gap."""
     block = block_of(real)
     stride = -(-columns // block) * block

@@ -9,9 +9,9 @@ result does not depend on the thread of a part, nor on the number of parts.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.shape_matching.motions import FRAME, make_frames
 from softlab.cpu_backend.shape_matching.shapes import ENTRIES, make_shapes
+from softlab.model.base.types import Real
 from softlab.model.formulas import rotation as formulas_of_rotation
 from softlab.model.formulas.shape_matching import cluster, rigid
 from softlab.model.formulas.shape_matching.cluster import LANES, MOMENTS
@@ -34,13 +35,13 @@ AT_MAPS = AT_NEW + QUATERNION + 1
 SCRATCH = AT_MAPS + ENTRIES
 
 
-def make_moments(compiler: Compiler, real: Any) -> Any:
+def make_moments(compiler: Compiler, real: Real) -> Callable:
     """Make sum_up(c, place, position, count, arrays, scratch): the moments of cluster c, into column `place` of the
     scratch."""
     formulas, zero = compiler.formulas(cluster, real), real(0)
     weighted, added, total = formulas.weighted, formulas.added, formulas.total
 
-    def make_sum(gathers: bool) -> Any:
+    def make_sum(gathers: bool) -> Callable:
         def sum_rows(blocks, first_x, first_y, first_z, slots, x, y, z, rest_x, rest_y, rest_z, mass, lanes):
             for row in range(MOMENTS * LANES):
                 lanes[row] = zero
@@ -107,7 +108,7 @@ def make_moments(compiler: Compiler, real: Any) -> Any:
     return sum_up
 
 
-def make_turn(compiler: Compiler, real: Any, shaping: frozenset[str]) -> Any:
+def make_turn(compiler: Compiler, real: Real, shaping: frozenset[str]) -> Callable:
     """Make turn(first, last, position, count, arrays, rotation, new_rotation, frames, scratch).
 
     It computes the rotations of at most LANES clusters from their moments in the scratch: from `rotation` into `new_rotation`
@@ -188,7 +189,7 @@ def make_turn(compiler: Compiler, real: Any, shaping: frozenset[str]) -> Any:
     return turn
 
 
-def make_clusters(compiler: Compiler, real: Any, shaping: frozenset[str]) -> SimpleNamespace:
+def make_clusters(compiler: Compiler, real: Real, shaping: frozenset[str]) -> SimpleNamespace:
     """Make `match(first, last, position, count, arrays, rotation, new_rotation, frames, scratch)`, for at most LANES
     clusters; `sum_up` and `turn`: its two parts."""
     sum_up, turn = make_moments(compiler, real), make_turn(compiler, real, shaping)
@@ -202,7 +203,7 @@ def make_clusters(compiler: Compiler, real: Any, shaping: frozenset[str]) -> Sim
     return SimpleNamespace(match=match, sum_up=sum_up, turn=turn)
 
 
-def make_goals(compiler: Compiler, real: Any, has_rigid: bool) -> SimpleNamespace:
+def make_goals(compiler: Compiler, real: Real, has_rigid: bool) -> SimpleNamespace:
     """Make `move_lone` and `move`.
 
     `move_lone(c, position, count, arrays, factors, frames, travel)` moves the particles of a lone cluster towards their
@@ -262,7 +263,7 @@ def make_goals(compiler: Compiler, real: Any, has_rigid: bool) -> SimpleNamespac
 
 @cache
 def make_matching(
-    real: Any, math: str, shaping: frozenset[str] = frozenset(), has_rigid: bool = False
+    real: Real, math: str, shaping: frozenset[str] = frozenset(), has_rigid: bool = False
 ) -> SimpleNamespace:
     """Compile `make_clusters` and `make_goals`, which depend only on `shaping` and rigid bodies, once for all
     scenes."""

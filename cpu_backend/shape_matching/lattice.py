@@ -8,9 +8,10 @@ previous one. Slices and pencils are distributed over threads; the result does n
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -33,6 +34,7 @@ from softlab.model.assets.lattice import (
     V_TURN,
     VALUES,
 )
+from softlab.model.base.types import Real
 from softlab.model.formulas.shape_matching import lattice
 
 
@@ -51,7 +53,7 @@ class Pencil(NamedTuple):
     inverses: np.ndarray
 
 
-def make_slice_up(compiler: Compiler, real: Any) -> Any:
+def make_slice_up(compiler: Compiler, real: Real) -> Callable:
     """Make slice_up(unit, position, count, arrays, band_scratch): the sums of a slice, into the work array."""
     sum_line = make_line_sums(compiler, real).sum_line
 
@@ -85,7 +87,7 @@ def make_slice_up(compiler: Compiler, real: Any) -> Any:
     return slice_up
 
 
-def make_turn(compiler: Compiler, real: Any) -> Any:
+def make_turn(compiler: Compiler, real: Real) -> Callable:
     """Make turn(unit, position, count, arrays, new_rotation, frames, for_view, band_scratch): it writes the rotations
     of a pencil's clusters into `new_rotation`, and the sums of their goals into the work array, or, with `for_view`,
     their frames."""
@@ -145,7 +147,7 @@ def make_turn(compiler: Compiler, real: Any) -> Any:
     return turn
 
 
-def make_move(compiler: Compiler, real: Any) -> Any:
+def make_move(compiler: Compiler, real: Real) -> Callable:
     """Make move(unit, position, count, arrays, band_scratch): it moves the masses of a slice."""
     moved = compiler.formulas(lattice, real, inline=True).moved
     sum_goals, scan = make_line_sums(compiler, real).sum_goals, make_goal_scan(compiler, real, 1)
@@ -185,7 +187,7 @@ def make_move(compiler: Compiler, real: Any) -> Any:
 
 
 @cache
-def make_lattice_matching(real: Any, math: str) -> SimpleNamespace:
+def make_lattice_matching(real: Real, math: str) -> SimpleNamespace:
     """Make `match(team, member, bands, position, count, arrays, new_rotation, frames, for_view)` and `move(team,
     member, bands, position, count, arrays)`, run by each member of a team (core/progress.py), for all lattices of
     Lattices.arrays."""
@@ -223,7 +225,7 @@ def make_lattice_matching(real: Any, math: str) -> SimpleNamespace:
 
 
 @cache
-def make_lattice_stages(real: Any, math: str) -> SimpleNamespace:
+def make_lattice_stages(real: Real, math: str) -> SimpleNamespace:
     """Compile `match(bands, position, count, arrays, turned, frames, look)` and `move(bands, position, count, arrays)`:
     see make_lattice_matching."""
     functions = make_lattice_matching(real, math)

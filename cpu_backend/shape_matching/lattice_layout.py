@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from softlab.cpu_backend.core.layout import aligned_zeros
 from softlab.cpu_backend.shape_matching.lattice_rows import LINE, SLICE, WINDOW
 from softlab.cpu_backend.shape_matching.motions import FRAME
 from softlab.model.assets.lattice import T_INVERSE, T_MASS, VALUES
+from softlab.model.base.types import Real
 from softlab.model.particles.body_set import BodySet
 from softlab.model.tables.method import Method
 
@@ -43,7 +44,7 @@ class Lattices:
     `rotation`: (4, clusters) flat; `frames`: as those of other clusters.
     """
 
-    def __init__(self, body_set: BodySet, slots: np.ndarray, count: int, bands: int, real: Any):
+    def __init__(self, body_set: BodySet, slots: np.ndarray, count: int, bands: int, real: Real):
         self.copies, self.real = body_set.lattices, real
         loose = min((one.first_cluster for one in self.copies), default=0)
         numbers, slices, pencils, tables = [], [], [], [np.zeros(0)]
@@ -70,10 +71,10 @@ class Lattices:
                 slices += [(n, first, z) for z in range(nz)]
                 pencils += [(n, first, cluster, low, min(low + rows, ny)) for low in range(0, ny, rows)]
         self.clusters = sum(one.copies * one.lattice.size for one in self.copies)
-        self.values = np.zeros(VALUES * len(self.copies), real)
-        self.rotation = np.zeros(QUATERNION * self.clusters, real)
+        self.values: np.ndarray = np.zeros(VALUES * len(self.copies), real)
+        self.rotation: np.ndarray = np.zeros(QUATERNION * self.clusters, real)
         self.view_rotation = np.zeros_like(self.rotation)
-        self.frames = np.zeros(FRAME * self.clusters, real)
+        self.frames: np.ndarray = np.zeros(FRAME * self.clusters, real)
         band_scratch = -(-band_scratch // 16) * 16
         self.arrays = LatticeArrays(
             np.array(numbers, np.int64).reshape(-1, NUMBERS), np.array(slices, np.int64).reshape(-1, 3),

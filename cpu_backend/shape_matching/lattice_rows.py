@@ -9,17 +9,17 @@ three rows; `n`: masses of a row.
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import Any
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
+from softlab.model.base.types import Real
 from softlab.model.formulas.shape_matching import lattice
 
 LINE, SLICE, WINDOW = 6, 9, 12  # sums over a row, a slice and a whole window: differences and turns, three each
 GOAL_LINE = 6  # of displacements to goals, after the passes along z and y; after z, as many as of a slice
 
 
-def make_rows(compiler: Compiler, real: Any) -> SimpleNamespace:
+def make_rows(compiler: Compiler, real: Real) -> SimpleNamespace:
     """Make `clear(n, rows, pitch, out)`, `copy(n, rows, source, source_pitch, out, pitch)` and `add_to(n, source,
     out)`, one row."""
     compiled, row, zero = compiler.compiled, compiler.row, real(0)
@@ -52,7 +52,7 @@ def make_rows(compiler: Compiler, real: Any) -> SimpleNamespace:
     return SimpleNamespace(clear=clear, copy=copy, add_to=add_to)
 
 
-def make_line_sums(compiler: Compiler, real: Any) -> SimpleNamespace:
+def make_line_sums(compiler: Compiler, real: Real) -> SimpleNamespace:
     """Make sums over windows along a row at x: `sum_line(n, region, x, plane, weights, centre, line, pitch)`, of masses,
     and `sum_goals(n, region, rest, count, x, plane, centre, line, pitch, displacements)`, of displacements to goals."""
     compiled, row, clear = compiler.compiled, compiler.row, make_rows(compiler, real).clear
@@ -103,7 +103,7 @@ def make_line_sums(compiler: Compiler, real: Any) -> SimpleNamespace:
     return SimpleNamespace(sum_line=sum_line, sum_goals=sum_goals)
 
 
-def make_moments(compiler: Compiler, real: Any, turns: int) -> SimpleNamespace:
+def make_moments(compiler: Compiler, real: Real, turns: int) -> SimpleNamespace:
     """Make moments along y and z: `add` adds a row's sums to a scan; `end` combines both halves of a window's sums,
     relative to its own mass. Both have differences, turns along the `turns` axes that are done, and those along the
     scan's own."""
@@ -155,7 +155,7 @@ def make_moments(compiler: Compiler, real: Any, turns: int) -> SimpleNamespace:
     return SimpleNamespace(add=add, end=end)
 
 
-def make_goals(compiler: Compiler, real: Any, rest: int) -> SimpleNamespace:
+def make_goals(compiler: Compiler, real: Real, rest: int) -> SimpleNamespace:
     """Make displacements to goals along y and z: `add_goals` adds to a scan; `end_goals` combines both halves.
 
     Both have displacements, the columns of the rotations along the scan's axis, and those of the `rest` axes that are

@@ -7,6 +7,7 @@ from the axis's table.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,6 +15,7 @@ import numpy as np
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.shape_matching.lattice_rows import make_goals, make_moments, make_rows
+from softlab.model.base.types import Real
 from softlab.model.formulas.shape_matching import lattice
 
 
@@ -46,7 +48,9 @@ class GoalScan(NamedTuple):
     out: Rows
 
 
-def make_scan(compiler: Compiler, real: Any, planes: int, keeps_all: bool, term: Any, add: Any, end: Any) -> Any:
+def make_scan(
+    compiler: Compiler, real: Real, planes: int, keeps_all: bool, term: Callable, add: Callable, end: Callable
+) -> Callable:
     """Make scan(n, length, region, positions, source, halves, sums, values): `length` rows of `n` masses, in groups of
     windows that contain a reference row b. `values`: MomentScan or GoalScan.
 
@@ -88,7 +92,7 @@ def make_scan(compiler: Compiler, real: Any, planes: int, keeps_all: bool, term:
     return scan
 
 
-def make_moment_scan(compiler: Compiler, real: Any, turns: int, then: Any) -> Any:
+def make_moment_scan(compiler: Compiler, real: Real, turns: int, then: Callable) -> Callable:
     """Make the scan of moments, after `turns` axes. For each window it calls then(n, i, window, values.more)."""
     lever, moments = compiler.formulas(lattice, real, inline=True).lever, make_moments(compiler, real, turns)
     end_row = moments.end
@@ -106,7 +110,7 @@ def make_moment_scan(compiler: Compiler, real: Any, turns: int, then: Any) -> An
     return make_scan(compiler, real, 3 * (turns + 2), True, term, moments.add, end)
 
 
-def make_goal_scan(compiler: Compiler, real: Any, rest: int) -> Any:
+def make_goal_scan(compiler: Compiler, real: Real, rest: int) -> Callable:
     """Make the scan of displacements to goals, before `rest` more axes."""
     lever, goals = compiler.formulas(lattice, real, inline=True).lever, make_goals(compiler, real, rest)
     end_goals = goals.end_goals

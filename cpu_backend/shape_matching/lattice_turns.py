@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
@@ -12,11 +11,12 @@ from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.shape_matching.lattice_layout import QUATERNION
 from softlab.cpu_backend.shape_matching.lattice_rows import make_rows
 from softlab.cpu_backend.shape_matching.motions import FRAME, make_frames
+from softlab.model.base.types import Real
 from softlab.model.formulas import rotation as formulas_of_rotation
 from softlab.model.formulas.shape_matching import lattice
 
 
-def make_rotation_rows(compiler: Compiler, real: Any) -> SimpleNamespace:
+def make_rotation_rows(compiler: Compiler, real: Real) -> SimpleNamespace:
     """Make `near_row`, `far_of`, `matrix_row`: rotations from the moments of windows, and their matrices as the columns
     that turn rest offsets. `t`: the lattice's turn at the start, by rows; moments and matrices by columns."""
     entry, turns = (
@@ -63,7 +63,7 @@ def make_rotation_rows(compiler: Compiler, real: Any) -> SimpleNamespace:
     return SimpleNamespace(near_row=near_row, far_of=far_of, matrix_row=matrix_row)
 
 
-def make_turns(compiler: Compiler, real: Any) -> SimpleNamespace:
+def make_turns(compiler: Compiler, real: Real) -> SimpleNamespace:
     """Make `turn_row` (see the inner function), `centre_row(n, of_slice, inverse, total)`, windows' centres from their
     sums, and `show_row(n, clusters, plane, position, window, new_rotation, frames)`, frames of a row of windows."""
     rotations, copy, zero = make_rotation_rows(compiler, real), make_rows(compiler, real).copy, real(0)

@@ -5,12 +5,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
 from softlab.cpu_backend.shape_matching.arrays import ClusterArrays
 from softlab.model.assets.clusters import Clusters
+from softlab.model.base.types import Real
 from softlab.model.formulas.shape_matching.cluster import LANES
 from softlab.model.particles.body_set import BodySet
 from softlab.model.shape_matching.cluster_tables import first_particles, leans
@@ -71,7 +71,7 @@ class Layout:
         return float(np.diff(ends).max() * threads / max(1, ends[-1]))
 
 
-def entries_of(clusters: Clusters, slots: np.ndarray, real: Any) -> tuple[ClusterArrays, np.ndarray]:
+def entries_of(clusters: Clusters, slots: np.ndarray, real: Real) -> tuple[ClusterArrays, np.ndarray]:
     """Return the arrays of clusters, none of them known to be straight, and the place of each entry in them."""
     sizes = np.diff(clusters.offsets)
     starts = blocks_of(sizes)
@@ -97,7 +97,7 @@ def clusters_of_particles(clusters: Clusters, slots: np.ndarray, count: int) -> 
     return starts, clusters.owner[entries], entries.astype(np.int64)
 
 
-def layout_of(clusters: Clusters, bounds: Bounds, real: Any, threads: int) -> Layout:
+def layout_of(clusters: Clusters, bounds: Bounds, real: Real, threads: int) -> Layout:
     """Return the layout of bodies, each with consecutive particles and clusters, in groups for `threads` threads."""
     first_particle, first_cluster = bounds
     particles, begins = np.diff(first_particle), blocks_of(np.diff(first_particle))
@@ -114,7 +114,8 @@ def layout_of(clusters: Clusters, bounds: Bounds, real: Any, threads: int) -> La
     of_entry[place] = np.arange(len(place))
 
     particle_starts, owners, particle_entries = clusters_of_particles(clusters, slots, count)
-    of_particle = particle_starts, owners, np.ascontiguousarray(clusters.rest[particle_entries], real).reshape(-1)
+    rest: np.ndarray = np.ascontiguousarray(clusters.rest[particle_entries], real).reshape(-1)
+    of_particle = particle_starts, owners, rest
     arrays = arrays._replace(straight=straight.astype(np.uint8))
 
     one = (np.diff(first_cluster) == 1) & (particles > 0)

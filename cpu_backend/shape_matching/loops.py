@@ -5,9 +5,9 @@ In `exact` math all give the same bits, for any number of threads. shape_matchin
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from numba import prange
@@ -21,6 +21,7 @@ from softlab.cpu_backend.shape_matching.kernels import AXES, SCRATCH, make_match
 from softlab.cpu_backend.shape_matching.particles import make_particles
 from softlab.cpu_backend.shape_matching.rebound import make_rebound
 from softlab.cpu_backend.shape_matching.rigid import make_steadying
+from softlab.model.base.types import Real
 from softlab.model.core.own_forces import particle_forces
 from softlab.model.formulas import distance
 from softlab.model.formulas.shape_matching import rigid
@@ -31,7 +32,7 @@ from softlab.model.tables.cloth import COLLIDER_KINDS
 
 @cache
 def make_matching_stages(
-    real: Any, math: str, shaping: frozenset[str] = frozenset(), has_rigid: bool = False
+    real: Real, math: str, shaping: frozenset[str] = frozenset(), has_rigid: bool = False
 ) -> SimpleNamespace:
     """Compile `match(bands, position, count, arrays, rotation, new_rotation, frames, scratch)`, for all clusters, and
     `move(bands, position, count, particle_clusters, frames, travel)`, for all particles: one parallel loop each, over
@@ -61,7 +62,7 @@ def make_matching_stages(
 
 
 @cache
-def make_bodies_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+def make_bodies_stages(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Compile the stages of single particles, one parallel loop each: `gravity`, `add_force` by name, `predict`, `update`,
     `collide`. `count`: particles and ghosts; `a`: three planes of accelerations, 0 after a prediction."""
     compiler = Compiler(cloth_variant("bodies_stages", real, math, parts), math)
@@ -79,7 +80,7 @@ def make_bodies_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNam
         for k in prange(count):
             a[count + k] = a[count + k] + gravity
 
-    def stage_of(part: str) -> Any:
+    def stage_of(part: str) -> Callable:
         add_force = make_particle_force(compiler, real, AXES, frozenset({part, "load"}))
 
         def particle_force(count, weights, record, integers, a):
@@ -119,7 +120,7 @@ def make_bodies_stages(real: Any, math: str, parts: frozenset[str]) -> SimpleNam
     )  # fmt: skip
 
 
-def make_substep_end(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
+def make_substep_end(compiler: Compiler, real: Real, parts: frozenset[str]) -> SimpleNamespace:
     """Make `begin(first, last, c, ...)`, for the particles of a lone cluster c, and `end(first, last, low, high, lone,
     number, before, after, b, band_scratch)`; `b`: BodyArrays.
 
@@ -186,7 +187,7 @@ def make_substep_end(compiler: Compiler, real: Any, parts: frozenset[str]) -> Si
 
 
 @cache
-def make_bodies_apart(real: Any, math: str, parts: frozenset[str]) -> Any:
+def make_bodies_apart(real: Real, math: str, parts: frozenset[str]) -> Callable:
     """Compile advance(bands, bounds, groups, steps, even, odd, b): many steps in one call; `steps`: Steps; `b`:
     BodyArrays.
 

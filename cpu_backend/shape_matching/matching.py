@@ -8,9 +8,10 @@ number of threads.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,6 +29,7 @@ from softlab.cpu_backend.shape_matching.matching_rows import (
     make_motion_rows,
 )
 from softlab.model.assets.lattice import T_CENTRE, T_INVERSE, T_WEIGHT
+from softlab.model.base.types import Real
 from softlab.model.formulas.shape_matching import grid as shape_matching
 
 AXES = 2
@@ -64,7 +66,7 @@ def scratch_places(region: int) -> SimpleNamespace:
     )
 
 
-def _make_window(compiler: Compiler, region: int) -> Any:
+def _make_window(compiler: Compiler, region: int) -> Callable:
     """Make window(i, rows): (first, behind the last) row of the window of row i."""
 
     @compiler.compiled
@@ -74,7 +76,7 @@ def _make_window(compiler: Compiler, region: int) -> Any:
     return window
 
 
-def make_bring(compiler: Compiler, real: Any, region: int, parts: frozenset[str]) -> Any:
+def make_bring(compiler: Compiler, real: Real, region: int, parts: frozenset[str]) -> Callable:
     """Make bring: see the inner function."""
     motion, sum_line = make_motion_rows(compiler, real, parts), make_cluster_rows(compiler, real, region).sum_line
     accelerate, predict, copy = motion.accelerate, motion.predict, motion.copy
@@ -104,7 +106,7 @@ def make_bring(compiler: Compiler, real: Any, region: int, parts: frozenset[str]
     return bring
 
 
-def make_match(compiler: Compiler, real: Any, region: int) -> Any:
+def make_match(compiler: Compiler, real: Real, region: int) -> Callable:
     """Make match: see the inner function."""
     rows_of, sum_goals = make_cluster_rows(compiler, real, region), make_goal_rows(compiler, real, region).sum_goals
     add_window, finish, clear = rows_of.add_window, rows_of.finish, make_clear(compiler, real)
@@ -132,7 +134,7 @@ def make_match(compiler: Compiler, real: Any, region: int) -> Any:
     return match
 
 
-def make_arrive(compiler: Compiler, real: Any, region: int, parts: frozenset[str]) -> Any:
+def make_arrive(compiler: Compiler, real: Real, region: int, parts: frozenset[str]) -> Callable:
     """Make arrive: see the inner function."""
     motion, add_goals = make_motion_rows(compiler, real, parts), make_goal_rows(compiler, real, region).add_goals
     move, rate, clear = motion.move, motion.rate, make_clear(compiler, real)
@@ -171,7 +173,7 @@ def make_arrive(compiler: Compiler, real: Any, region: int, parts: frozenset[str
 
 
 @cache
-def make_matching_advance(real: Any, math: str, region: int, parts: frozenset[str]) -> Any:
+def make_matching_advance(real: Real, math: str, region: int, parts: frozenset[str]) -> Callable:
     """Compile advance(bands, steps, grid, states, current, scratch, rows_scratch, place_after), `steps`: a Steps.
 
     `states`: flat, STATES of them, each four planes of `rows` rows `stride` apart; `current`: index of the state;

@@ -9,13 +9,14 @@ so on) are rows `stride` apart. `columns`: masses of a row; (x, y): their positi
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from types import SimpleNamespace
-from typing import Any
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.core.own_forces import make_particle_force_row
 from softlab.model.assets.lattice import T_CENTRE, T_COUNT, T_INVERSE, T_MASS, T_WEIGHT
+from softlab.model.base.types import Real
 from softlab.model.core.own_forces import particle_forces
 from softlab.model.formulas import distance
 from softlab.model.formulas.shape_matching import grid as shape_matching
@@ -26,7 +27,7 @@ CLUSTER = 4  # centre (x, y), cosine, sine
 GOALS = 6  # sums along a row of clusters
 
 
-def make_clear(compiler: Compiler, real: Any) -> Any:
+def make_clear(compiler: Compiler, real: Real) -> Callable:
     """Make clear(columns, row)."""
     zero = real(0)
 
@@ -38,7 +39,7 @@ def make_clear(compiler: Compiler, real: Any) -> Any:
     return clear
 
 
-def make_cluster_rows(compiler: Compiler, real: Any, region: int) -> SimpleNamespace:
+def make_cluster_rows(compiler: Compiler, real: Real, region: int) -> SimpleNamespace:
     """Make `sum_line`, `add_window` and `finish`.
 
     `sum_line(columns, stride, x, y, table, line)`: the sums along a row. `add_window(columns, stride, line, x, here,
@@ -104,7 +105,7 @@ def make_cluster_rows(compiler: Compiler, real: Any, region: int) -> SimpleNames
     return SimpleNamespace(sum_line=sum_line, add_window=add_window, finish=finish)
 
 
-def make_goal_rows(compiler: Compiler, real: Any, region: int) -> SimpleNamespace:
+def make_goal_rows(compiler: Compiler, real: Real, region: int) -> SimpleNamespace:
     """Make `sum_goals` and `add_goals`.
 
     `sum_goals(columns, stride, cluster, table, rest, goals)`: the sums along a row of clusters. `add_goals(columns,
@@ -159,7 +160,7 @@ def make_goal_rows(compiler: Compiler, real: Any, region: int) -> SimpleNamespac
     return SimpleNamespace(sum_goals=sum_goals, add_goals=add_goals)
 
 
-def make_motion_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
+def make_motion_rows(compiler: Compiler, real: Real, parts: frozenset[str]) -> SimpleNamespace:
     """Make the operations on one row, along one axis each, except for `accelerate`, which fills the rows of both."""
     compiled, row = compiler.compiled, compiler.row
     points, moved = compiler.formulas(distance, real), compiler.formulas(shape_matching, real).moved

@@ -4,20 +4,20 @@ from __future__ import annotations
 
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from numba import prange
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.model.assets.lattice import T_CENTRE, T_COUNT, T_INVERSE, T_MASS, T_WEIGHT
+from softlab.model.base.types import Real
 from softlab.model.formulas.shape_matching import grid as shape_matching
 
 AXES = 2
 
 
 @cache
-def make_matching_stages(real: Any, math: str, region: int) -> SimpleNamespace:
+def make_matching_stages(real: Real, math: str, region: int) -> SimpleNamespace:
     """Compile `match` and `move`.
 
     `match(position, row_table, column_table, clusters)`: clusters (4, rows, columns) of position (2, rows, columns),

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
+from softlab.model.base.types import Real
 from softlab.model.formulas.shape_matching import rebound
 from softlab.model.formulas.shape_matching.pace import MOTION
 
@@ -45,7 +46,7 @@ class Frame(NamedTuple):
     z: float
 
 
-def make_motions(compiler: Compiler, real: Any) -> SimpleNamespace:
+def make_motions(compiler: Compiler, real: Real) -> SimpleNamespace:
     """Make `motion_of(motions, c)`, the Motion of cluster c, and `velocity_at(motion, x, y, z)`, the velocity of a
     particle there that moves with its cluster."""
     rigid = compiler.formulas(rebound, real).rigid

@@ -3,8 +3,8 @@ shape_matching/kernels.py."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
@@ -13,12 +13,13 @@ from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import block_of, row_at
 from softlab.cpu_backend.core.own_forces import make_particle_force
 from softlab.cpu_backend.shape_matching.kernels import AXES
+from softlab.model.base.types import Real
 from softlab.model.formulas import distance
 from softlab.model.formulas.shape_matching import rigid
 from softlab.model.formulas.shape_matching.cluster import LANES
 
 
-def make_particles(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
+def make_particles(compiler: Compiler, real: Real, parts: frozenset[str]) -> SimpleNamespace:
     """Make loops over blocks of particles: `begin`, `rate`, `collide`, `begin_rigid`, `store_impulses`.
 
     `begin`: predictions; `rate`: velocities, for rigid bodies from their travels
@@ -41,7 +42,7 @@ def make_particles(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simp
     keeping, there = compiler.formulas(rigid, real), np.int64(has_rigid)  # 0: an array passed instead of travels
     travelled, rate_over = keeping.travelled, keeping.rate_over
 
-    def make_predict(rates: bool) -> Any:
+    def make_predict(rates: bool) -> Callable:
         """Make the prediction; with `rates` velocities become those of travels at once, which are then not stored."""
 
         def predict_rows(

@@ -3,9 +3,9 @@ and particles move with the body's resulting motion (model/shape_matching/rigid_
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
@@ -16,12 +16,13 @@ from softlab.cpu_backend.shape_matching.damping import make_damping, make_lane_s
 from softlab.cpu_backend.shape_matching.kernels import AXES
 from softlab.cpu_backend.shape_matching.layout import LONE
 from softlab.cpu_backend.shape_matching.motions import make_motions
+from softlab.model.base.types import Real
 from softlab.model.formulas.shape_matching import rebound
 from softlab.model.formulas.shape_matching.cluster import LANES
 from softlab.model.formulas.shape_matching.pace import MOTION
 
 
-def make_response(compiler: Compiler, real: Any, has_contacts: bool = False) -> Any:
+def make_response(compiler: Compiler, real: Real, has_contacts: bool = False) -> SimpleNamespace:
     """Make respond(c, position, count, arrays, scratch): the rigid motion of cluster c that results from the impulses on
     its particles; none for a cluster that does not rebound as a whole.
 
@@ -36,7 +37,7 @@ def make_response(compiler: Compiler, real: Any, has_contacts: bool = False) -> 
     touched_mass, asked, bound = formulas.touched, formulas.asked, formulas.bound
     zero = real(0)
 
-    def make_rows(gathers: bool) -> Any:
+    def make_rows(gathers: bool) -> Callable:
         def worth_rows(blocks, motion, slots, x, y, z, vx, vy, vz, wanted, mass, lanes):
             for n in range(4 * LANES):
                 lanes[n] = zero
@@ -123,7 +124,7 @@ def make_response(compiler: Compiler, real: Any, has_contacts: bool = False) -> 
     return SimpleNamespace(response=respond, touched=touched)
 
 
-def make_rebound(compiler: Compiler, real: Any, rebounds: bool) -> SimpleNamespace:
+def make_rebound(compiler: Compiler, real: Real, rebounds: bool) -> SimpleNamespace:
     """Make the functions of rebounds; they do nothing unless a body `rebounds`.
 
     `note(first, last, velocity, count, arrays)`: before colliders; `store_impulses(first, last, velocity, count, arrays)`:
@@ -216,7 +217,7 @@ def _without(compiler: Compiler) -> SimpleNamespace:
 
 
 @cache
-def make_rebound_stages(real: Any, math: str) -> SimpleNamespace:
+def make_rebound_stages(real: Real, math: str) -> SimpleNamespace:
     """Compile `note(bands, velocity, count, arrays)` and, after colliders, `rebound(bands, position, velocity, count,
     arrays, scratch, pitch)`: all particles, then all clusters, then all particles; `pitch`: numbers in a band's
     scratch."""

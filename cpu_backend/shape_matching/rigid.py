@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
@@ -15,10 +15,11 @@ from softlab.cpu_backend.shape_matching.damping import make_damping
 from softlab.cpu_backend.shape_matching.kernels import AXES
 from softlab.cpu_backend.shape_matching.layout import LONE
 from softlab.cpu_backend.shape_matching.motions import make_motions
+from softlab.model.base.types import Real
 from softlab.model.formulas.shape_matching.cluster import LANES
 
 
-def make_steadying(compiler: Compiler, real: Any, has_rigid: bool) -> SimpleNamespace:
+def make_steadying(compiler: Compiler, real: Real, has_rigid: bool) -> SimpleNamespace:
     """Make `gather` and `steady`; they do nothing unless `has_rigid`.
 
     `gather(c, position, velocity, count, arrays, scratch)`: the rigid motion of cluster c with the momenta of its
@@ -75,7 +76,7 @@ def _without(compiler: Compiler) -> SimpleNamespace:
 
 
 @cache
-def make_rest(compiler: Compiler, real: Any, rests: bool) -> Any:
+def make_rest(compiler: Compiler, real: Real, rests: bool) -> Callable:
     """Make rest(c, before, position, velocity, count, arrays): stop the rigid cluster c if none of its particles moved
     in the substep. It does nothing unless a body `rests`."""
     zero = real(0)
@@ -101,7 +102,7 @@ def make_rest(compiler: Compiler, real: Any, rests: bool) -> Any:
 
 
 @cache
-def make_rest_stage(real: Any, math: str) -> Any:
+def make_rest_stage(real: Real, math: str) -> Callable:
     """Compile rest(bands, before, position, velocity, count, arrays): all clusters, in parallel."""
     compiler = Compiler(f"bodies_rest_{np.dtype(real).name}_{math}", math)
     rest_one = make_rest(compiler, real, True)
@@ -115,7 +116,7 @@ def make_rest_stage(real: Any, math: str) -> Any:
 
 
 @cache
-def make_steadying_stage(real: Any, math: str) -> Any:
+def make_steadying_stage(real: Real, math: str) -> Callable:
     """Compile steady(bands, position, velocity, count, arrays, scratch, pitch): all clusters, then all particles, one
     parallel loop each; `pitch`: numbers in a band's scratch."""
     compiler = Compiler(f"bodies_rigid_{np.dtype(real).name}_{math}", math)

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import Any
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
+from softlab.model.base.types import Real
 from softlab.model.formulas.shape_matching import deformation
 from softlab.model.formulas.shape_matching.cluster import LANES
 from softlab.model.formulas.shape_matching.deformation import S_CREEP, S_INVERSE, S_LIMIT, S_LINEAR, S_THRESHOLD, SHAPE
@@ -14,7 +14,7 @@ from softlab.model.formulas.shape_matching.deformation import S_CREEP, S_INVERSE
 ENTRIES = 9
 
 
-def make_shapes(compiler: Compiler, real: Any, shaping: frozenset[str], row: int) -> SimpleNamespace:
+def make_shapes(compiler: Compiler, real: Real, shaping: frozenset[str], row: int) -> SimpleNamespace:
     """Make `prepare` and `finish`; they do nothing, and return the rotation, if `shaping`
     (model/shape_matching/cluster_tables.py) is empty.
 

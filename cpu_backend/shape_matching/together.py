@@ -3,8 +3,8 @@ team for all passes (core/progress.py)."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
-from typing import Any
 
 import numpy as np
 
@@ -24,13 +24,14 @@ from softlab.cpu_backend.shape_matching.lattice import make_lattice_matching
 from softlab.cpu_backend.shape_matching.particles import make_particles
 from softlab.cpu_backend.shape_matching.rebound import make_rebound
 from softlab.cpu_backend.shape_matching.rigid import make_rest, make_steadying
+from softlab.model.base.types import Real
 from softlab.model.formulas.shape_matching.cluster import LANES
 from softlab.model.particles.links import LINKS
 from softlab.model.shape_matching.cluster_tables import shaping
 from softlab.model.tables.cloth import COLLIDER_KINDS
 
 
-def make_substep_end(compiler: Compiler, real: Any, math: str, parts: frozenset[str]) -> Any:
+def make_substep_end(compiler: Compiler, real: Real, math: str, parts: frozenset[str]) -> Callable:
     """Make end(team, member, bands, number, goes_on, before, after, b, contacts); `b`: BodyArrays.
 
     Each member of a team runs it after particles have moved to their goals; if it `goes_on`, it also predicts the next
@@ -135,7 +136,7 @@ def make_substep_end(compiler: Compiler, real: Any, math: str, parts: frozenset[
 
 
 @cache
-def make_bodies_together(real: Any, math: str, parts: frozenset[str]) -> Any:
+def make_bodies_together(real: Real, math: str, parts: frozenset[str]) -> Callable:
     """Compile advance(bands, steps, even, odd, b, links, contacts, lattices); `steps`: Steps; `b`: BodyArrays.
 
     As loops.make_bodies_apart, over clusters, then over particles, with the velocities of a substep and the predictions

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
-from typing import Any
 
 import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
+from softlab.model.base.types import Real
 from softlab.model.formulas.elastic import chebyshev
 
 
-def make_accelerate(compiler: Compiler, real: Any) -> Any:
+def make_accelerate(compiler: Compiler, real: Real) -> Callable:
     """Make accelerate(first, last, position, iterates, w): it extrapolates particles after a sweep; `iterates` (2, particles,
     4): positions after the last sweep, and after the one before it."""
     beyond, zero = compiler.formulas(chebyshev, real).beyond, real(0)
@@ -30,7 +31,7 @@ def make_accelerate(compiler: Compiler, real: Any) -> Any:
 
 
 @cache
-def make_accelerate_stage(real: Any, math: str) -> Any:
+def make_accelerate_stage(real: Real, math: str) -> Callable:
     """Compile accelerate(bands, position, iterates, w): one parallel loop."""
     compiler = Compiler(f"chebyshev_{np.dtype(real).name}_{math}", math)
     some = make_accelerate(compiler, real)

@@ -3,6 +3,7 @@ friction), and pushes of surfaces, which later visits keep."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
 from typing import Any
@@ -13,10 +14,11 @@ from softlab.cpu_backend.contact.colliders import make_collide_mass
 from softlab.cpu_backend.contact.surfaces import SurfaceContacts
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.tetrahedra.newton_contact import make_contact
+from softlab.model.base.types import Real
 from softlab.model.formulas.elastic import descent, friction, newton
 
 
-def make_meeting(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
+def make_meeting(compiler: Compiler, real: Real, parts: frozenset[str]) -> SimpleNamespace:
     """Make `add_contact(k, sums, position, arguments)`: it adds the contribution of colliders to the sums of vertex k.
 
     `arguments`: (substep, positions at its start, stiffness that holds particles, parameters, bodies, kinds). `has_bodies`:
@@ -62,7 +64,7 @@ def make_meeting(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simple
 
 
 @cache
-def make_carry(real: Any, math: str) -> Any:
+def make_carry(real: Real, math: str) -> Callable:
     """Compile carry(bands, position, earlier, inertial): pushes from `earlier` to `position` move `inertial`, too."""
     compiler = Compiler(f"carry_{np.dtype(real).name}_{math}", math)
     carried = compiler.formulas(descent, real).carried

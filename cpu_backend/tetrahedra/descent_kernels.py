@@ -6,10 +6,10 @@ on their number nor on their order. model/formulas/elastic/descent.py has the fo
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
 from types import SimpleNamespace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from softlab.cpu_backend.tetrahedra.descent_acceleration import make_accelerate
 from softlab.cpu_backend.tetrahedra.descent_contact import make_meeting
 from softlab.cpu_backend.tetrahedra.springs import make_springs
 from softlab.model.base.tuples import tuple_of
+from softlab.model.base.types import Real
 from softlab.model.formulas.elastic import descent
 from softlab.model.tetrahedra.descent import CHEBYSHEV, CORNERS, RATE, SCALE, Descent, visited
 from softlab.model.tetrahedra.springs import PARTS, SpringArrays, Springs
@@ -44,10 +45,10 @@ class DescentArrays(NamedTuple):
     springs: SpringArrays
 
 
-def descent_arrays(vertex_descent: Descent, real: Any, damped: bool, spring_set: Springs) -> DescentArrays:
+def descent_arrays(vertex_descent: Descent, real: Real, damped: bool, spring_set: Springs) -> DescentArrays:
     count = len(vertex_descent.corners) if damped else 0
-    strains = np.zeros((count, descent.STRAINS), real)
-    values = np.ascontiguousarray(vertex_descent.values, real)
+    strains: np.ndarray = np.zeros((count, descent.STRAINS), real)
+    values: np.ndarray = np.ascontiguousarray(vertex_descent.values, real)
     return DescentArrays(
         vertex_descent.order, vertex_descent.starts, vertex_descent.offsets, vertex_descent.entries,
         vertex_descent.falls, vertex_descent.corners, values, strains, spring_set.arrays(real),
@@ -55,7 +56,7 @@ def descent_arrays(vertex_descent: Descent, real: Any, damped: bool, spring_set:
 
 
 @cache
-def make_visits(real: Any, math: str, material: int, damped: bool, parts: frozenset[str] = NOTHING) -> SimpleNamespace:
+def make_visits(real: Real, math: str, material: int, damped: bool, parts: frozenset[str] = NOTHING) -> SimpleNamespace:
     """Make loops over a material, from the first of a range to before its last.
 
     `remember(first, last, before, arrays)`: strains of tetrahedra at the start of a substep. Over the ordered vertices:
@@ -75,10 +76,10 @@ def make_visits(real: Any, math: str, material: int, damped: bool, parts: frozen
     def row(array, k):
         return array[k, 0], array[k, 1], array[k, 2]
 
-    def point_at(n: int) -> Any:
+    def point_at(n: int) -> Callable:
         return compiled(lambda position, corners, unused, t: row(position, corners[t, n]))
 
-    def value_at(n: int) -> Any:
+    def value_at(n: int) -> Callable:
         return compiled(lambda values, unused, unused_too, t: values[t, n])
 
     points_of = tuple_of(CORNERS, point_at, compiled)
@@ -188,7 +189,7 @@ def _of_material(
 
 
 @cache
-def make_descent_stages(real: Any, math: str, material: int, damped: bool, parts: frozenset[str]) -> SimpleNamespace:
+def make_descent_stages(real: Real, math: str, material: int, damped: bool, parts: frozenset[str]) -> SimpleNamespace:
     """Compile the loops of `make_visits`, each as a parallel loop over a range: (bands, first, last, ...)."""
     compiler = Compiler(f"descent_stages_{np.dtype(real).name}_{math}", math)
     visits = make_visits(real, math, material, damped, parts)
@@ -216,7 +217,9 @@ def make_descent_stages(real: Any, math: str, material: int, damped: bool, parts
 
 
 @cache
-def make_descent_advance(real: Any, math: str, parts: frozenset[str], numbers: tuple[int, ...], damped: bool) -> Any:
+def make_descent_advance(
+    real: Real, math: str, parts: frozenset[str], numbers: tuple[int, ...], damped: bool
+) -> Callable:
     """Compile advance(bands, steps, state, descents, holds, world, chebyshev): many steps in one call.
 
     `steps`: a Steps; `state`: (position, velocity, before, inertial); `numbers`: the materials of the `descents`; `world`: a

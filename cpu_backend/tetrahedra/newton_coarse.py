@@ -7,16 +7,16 @@ newton_arrays.py describes `rows`, `groups` and `coarse`.
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
+from softlab.model.base.types import Real
 from softlab.model.formulas.elastic import coarse as formulas_of
 from softlab.model.tetrahedra.aggregates import MODES
 
 
-def make_coarse(compiler: Compiler, real: Any) -> SimpleNamespace:
+def make_coarse(compiler: Compiler, real: Real) -> SimpleNamespace:
     """Make `centre(first, last, position, groups, coarse)`, `gather(first, last, position, rows, blocks, groups,
     coarse)` and `restrict(first, last, position, residual, groups, coarse)`, for groups; `corrected(k, position,
     groups, coarse)`: three numbers to add at particle k."""
@@ -104,7 +104,7 @@ def make_coarse(compiler: Compiler, real: Any) -> SimpleNamespace:
     return SimpleNamespace(centre=centre, gather=gather, restrict=restrict, corrected=corrected)
 
 
-def make_band(compiler: Compiler, real: Any) -> SimpleNamespace:
+def make_band(compiler: Compiler, real: Real) -> SimpleNamespace:
     """Make `factor(coarse, groups)`, which returns true if the coarse matrix is not positive, and `solve(coarse,
     groups)`, both for one thread."""
     compiled, pivot = compiler.compiled, compiler.formulas(formulas_of, real).pivot

@@ -7,16 +7,16 @@ body.
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import Any
 
 from softlab.cpu_backend.contact.colliders import make_collide_mass
 from softlab.cpu_backend.core.compile import Compiler
+from softlab.model.base.types import Real
 from softlab.model.contact.sheet_plan import FRICTION_IN_PLACE
 from softlab.model.formulas.elastic import newton
 from softlab.model.tables.cloth import COLLIDER_KINDS
 
 
-def make_contact(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
+def make_contact(compiler: Compiler, real: Real, parts: frozenset[str]) -> SimpleNamespace:
     """Make `within`, `nearly_within` and `pressed`. `has_bodies`: true if there are colliders.
 
     `within(k, number, position, before, holds, colliders)`: penetration of particle k (a vector) and contact stiffness [N/m];

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from types import SimpleNamespace
-from typing import Any
 
 from softlab.cpu_backend.core.compile import Compiler
+from softlab.model.base.types import Real
 from softlab.model.formulas.constraints.tetrahedron import HOOKEAN
 from softlab.model.formulas.elastic import damper, deformation, newton, tangent
 from softlab.model.tetrahedra.block_rows import BLOCKS
 from softlab.model.tetrahedra.newton import AT_ALPHA, AT_DAMPING, AT_LAME, AT_MU, AT_VOLUME, DAMPED, STAGED, SUMMED
 
 
-def make_elements(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
+def make_elements(compiler: Compiler, real: Real, parts: frozenset[str]) -> SimpleNamespace:
     """Make `energies` and `blocks`, both with the terms of dampers.
 
     `energies(first, last, points, since, elements, forces, sums)`: energies, and forces on the four corners, of the
@@ -117,7 +118,7 @@ def make_elements(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simpl
     return SimpleNamespace(energies=energies, blocks=blocks)
 
 
-def make_row(compiler: Compiler) -> Any:
+def make_row(compiler: Compiler) -> Callable:
     """Make row(points, k): a point, three numbers."""
 
     @compiler.compiled
@@ -127,7 +128,7 @@ def make_row(compiler: Compiler) -> Any:
     return row
 
 
-def make_damper(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+def make_damper(compiler: Compiler, real: Real, parts: frozenset[str]) -> Callable:
     """Make viscous(n, points, f, rest, since, corners, mu, lame): (D, N) of tetrahedron n
     (model/formulas/elastic/damper.py).
 

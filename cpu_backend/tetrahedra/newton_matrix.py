@@ -3,17 +3,20 @@ vector. newton_arrays.py describes `rows` and `matrix`."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from types import SimpleNamespace
-from typing import Any
 
 from softlab.cpu_backend.core.compile import Compiler
+from softlab.model.base.types import Real
 from softlab.model.formulas.elastic import newton
 from softlab.model.tetrahedra.newton import SUMMED
 
 AXES = 3
 
 
-def make_matrix_rows(compiler: Compiler, real: Any, parts: frozenset[str], contact: SimpleNamespace) -> SimpleNamespace:
+def make_matrix_rows(
+    compiler: Compiler, real: Real, parts: frozenset[str], contact: SimpleNamespace
+) -> SimpleNamespace:
     """Make `apply(k, rows, blocks, vector)`, a row's product (three numbers), and `assemble(...)`, for groups."""
     compiled, formulas = compiler.compiled, compiler.formulas(newton, real)
     inertia_of, inverse, outer = formulas.inertia_of, formulas.inverse, formulas.outer
@@ -58,7 +61,7 @@ def make_matrix_rows(compiler: Compiler, real: Any, parts: frozenset[str], conta
     return SimpleNamespace(assemble=assemble, apply=make_product(compiler, real))
 
 
-def make_product(compiler: Compiler, real: Any) -> Any:
+def make_product(compiler: Compiler, real: Real) -> Callable:
     """Make apply(k, rows, blocks, vector): the product of one row of the matrix with a vector."""
     compiled, zero = compiler.compiled, real(0)
 
@@ -77,7 +80,7 @@ def make_product(compiler: Compiler, real: Any) -> Any:
     return apply
 
 
-def make_gather(compiler: Compiler) -> Any:
+def make_gather(compiler: Compiler) -> Callable:
     """Make gather(n, rows, element_blocks, into): block `n` of the rows, summed over its tetrahedra and springs."""
 
     @compiler.compiled

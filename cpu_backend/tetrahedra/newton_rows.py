@@ -5,18 +5,19 @@ newton_arrays.py describes the arrays.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from types import SimpleNamespace
-from typing import Any
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.tetrahedra.newton_matrix import AXES
 from softlab.cpu_backend.tetrahedra.springs import make_springs
+from softlab.model.base.types import Real
 from softlab.model.formulas.elastic import newton
 from softlab.model.tetrahedra.newton import SUMMED
 from softlab.model.tetrahedra.springs import PARTS
 
 
-def make_solving(compiler: Compiler, real: Any, apply: Any, corrected: Any) -> SimpleNamespace:
+def make_solving(compiler: Compiler, real: Real, apply: Callable, corrected: Callable) -> SimpleNamespace:
     """Make the passes of conjugate gradients, each over groups: `start`, `product`, `update`, `correct`, `direct`."""
     compiled, zero = compiler.compiled, real(0)
 
@@ -88,7 +89,7 @@ def make_solving(compiler: Compiler, real: Any, apply: Any, corrected: Any) -> S
 
 
 def make_moving(
-    compiler: Compiler, real: Any, parts: frozenset[str], dot: Any, contact: SimpleNamespace
+    compiler: Compiler, real: Real, parts: frozenset[str], dot: Callable, contact: SimpleNamespace
 ) -> SimpleNamespace:
     """Make `weigh`, the potential's gradient at the positions and the rest of its energy, and `move`, `accept`, `put`,
     over groups."""

@@ -6,9 +6,9 @@ The next pass is chosen from sums by groups, then over the groups in their order
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from softlab.cpu_backend.tetrahedra.newton_contact import make_contact
 from softlab.cpu_backend.tetrahedra.newton_elements import make_elements
 from softlab.cpu_backend.tetrahedra.newton_matrix import make_matrix_rows
 from softlab.cpu_backend.tetrahedra.newton_rows import make_moving, make_solving
+from softlab.model.base.types import Real
 from softlab.model.formulas.elastic import newton as passes
 from softlab.model.formulas.elastic import stages
 from softlab.model.tetrahedra.newton import DAMPED, STAGED, SUMMED
@@ -30,7 +31,7 @@ from softlab.model.tetrahedra.newton import DAMPED, STAGED, SUMMED
 SUMS = 2
 
 
-def control_type(real: Any) -> np.dtype:
+def control_type(real: Real) -> np.dtype:
     """Return the structured type of what passes leave for the next: its kind, solves done, Counts and Values of
     formulas/elastic/newton.py."""
     integers = [(name, np.int64) for name in ("next", "solved", *passes.Counts._fields)]
@@ -39,7 +40,7 @@ def control_type(real: Any) -> np.dtype:
 
 
 def make_substep_ends(
-    compiler: Compiler, real: Any, parts: frozenset[str], put: Any, contact: SimpleNamespace
+    compiler: Compiler, real: Real, parts: frozenset[str], put: Callable, contact: SimpleNamespace
 ) -> SimpleNamespace:
     """Make `begin_groups`, the inertial or driven positions, and `finish_groups`, velocities and colliders; for groups
     and the pins among them."""
@@ -111,7 +112,7 @@ def make_substep_ends(
     return SimpleNamespace(begin_groups=begin_groups, finish_groups=finish_groups)
 
 
-def make_pass(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+def make_pass(compiler: Compiler, real: Real, parts: frozenset[str]) -> Callable:
     """Make one_pass(control, band, bands, frame, number, state, inputs, solver): a pass on a band.
 
     `control`: the record of control_type; `state`: (position, velocity, before); `inputs`: Inputs; `solver`: Solver of
@@ -202,7 +203,7 @@ def make_pass(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
 
 @cache
-def make_newton_advance(real: Any, math: str, parts: frozenset[str]) -> Any:
+def make_newton_advance(real: Real, math: str, parts: frozenset[str]) -> Callable:
     """Compile advance(bands, steps, floor, state, inputs, solver, control, done): many steps in one call.
 
     `steps`: a Steps, whose substeps are solves, and iterations those of a solve; `control` (1,): control_type; `done`

@@ -5,16 +5,16 @@ from __future__ import annotations
 
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
+from softlab.model.base.types import Real
 from softlab.model.formulas.elastic import sleep
 
 
 @cache
-def make_sleep_stages(real: Any, math: str) -> SimpleNamespace:
+def make_sleep_stages(real: Real, math: str) -> SimpleNamespace:
     """Compile `find_slow(bands, velocity, earlier, slow, speed, parameters)`, which marks slow vertices, and
     `restore_resting(bands, before, position, velocity, earlier, slow, offsets, neighbours)`, which resets positions and
     velocities.

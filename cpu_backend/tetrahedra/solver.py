@@ -71,7 +71,7 @@ class Tetrahedra(MeshPositionBased):
         return stages
 
     def _sleep(self) -> StageRun:
-        """Return the stage that keeps slow vertices in place."""
+        """Return the stage that keeps vertices slower than `sleeping_speed` at their positions."""
         stage, tetrahedra_set, bands = (
             make_sleep_stages(self.real, self.options.math), self.scene.tetrahedra_set, self._bands
         )  # fmt: skip

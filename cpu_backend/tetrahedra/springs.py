@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import Any
 
 from softlab.cpu_backend.core.compile import Compiler
+from softlab.model.base.types import Real
 from softlab.model.formulas.elastic import spring
 
 
-def make_springs(compiler: Compiler, real: Any) -> SimpleNamespace:
+def make_springs(compiler: Compiler, real: Real) -> SimpleNamespace:
     """Make `pulled(k, position, springs)`: the sum over all springs of particle k, in their order.
 
     It returns the derivative (three numbers), the diagonal of the block, and the energy that particle k counts.

@@ -6,19 +6,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.simulation import ParticlesSimulation
+from softlab.model.base.types import Real
 from softlab.model.formulas.elastic import descent
 
 AXES = 3
 
 
 @cache
-def make_transfers(real: Any) -> SimpleNamespace:
+def make_transfers(real: Real) -> SimpleNamespace:
     """Compile `take`, `give` and `carry`.
 
     `take(bands, flat, slots, stride, first, rows)`: coordinate `axis` of row first + k is flat[slots[k] + axis *

@@ -6,8 +6,8 @@ copied for it.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
@@ -28,6 +28,7 @@ from softlab.cpu_backend.xpbd.layout import (
     P_STRIDE,
     P_WIND_SCRATCH,
 )
+from softlab.model.base.types import Real
 from softlab.model.core.own_forces import particle_forces
 from softlab.model.formulas import distance
 
@@ -40,7 +41,7 @@ def has_forces(parts: frozenset[str]) -> bool:
 WIND_PARTS = frozenset({"wind", "gust"})
 
 
-def make_comb(compiler: Compiler, real: Any, classes: int) -> SimpleNamespace:
+def make_comb(compiler: Compiler, real: Real, classes: int) -> SimpleNamespace:
     """Make `smooth(spacing, blocks, row, out)`, a combed row with its columns in order, and `comb`, the reverse."""
     block = block_of(real)
 
@@ -59,7 +60,7 @@ def make_comb(compiler: Compiler, real: Any, classes: int) -> SimpleNamespace:
     return SimpleNamespace(smooth=smooth, comb=comb)
 
 
-def make_forces(compiler: Compiler, real: Any, axes: int, parts: frozenset[str], classes: int) -> Any:
+def make_forces(compiler: Compiler, real: Real, axes: int, parts: frozenset[str], classes: int) -> Callable:
     """Make add_forces(i, step, memory, places, parameters, integers, weights): the accelerations of row `i`, in its
     planes.
 
@@ -98,7 +99,7 @@ def make_forces(compiler: Compiler, real: Any, axes: int, parts: frozenset[str],
     return add_forces
 
 
-def make_wind(compiler: Compiler, real: Any, parts: frozenset[str], classes: int) -> SimpleNamespace:
+def make_wind(compiler: Compiler, real: Real, parts: frozenset[str], classes: int) -> SimpleNamespace:
     """Make functions for a band's rows, from `first` to before `last`.
 
     `copy_band(first, last, position, velocity, memory, places, natural)`: the rows, not combed, of planes that begin at

@@ -8,8 +8,8 @@ are computed once more.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
@@ -27,6 +27,7 @@ from softlab.cpu_backend.xpbd.layout import (
 )
 from softlab.cpu_backend.xpbd.stage_projections import make_change
 from softlab.model.base.tuples import reader
+from softlab.model.base.types import Real
 from softlab.model.contact.substep_parameters import CONSTANTS
 from softlab.model.formulas import distance
 from softlab.model.position_based.plan import FAMILIES, Family, families
@@ -47,7 +48,9 @@ def stencil_rows(parts: frozenset[str]) -> int:
     return max([family.rows for family in families(parts)], default=0)
 
 
-def make_displace_row(compiler: Compiler, real: Any, axes: int, soft: bool, damped: bool, alternates: bool) -> Any:
+def make_displace_row(
+    compiler: Compiler, real: Real, axes: int, soft: bool, damped: bool, alternates: bool
+) -> Callable:
     """Make displace(blocks, first, second, first_before, second_before, multipliers, later, new_multipliers,
     reciprocals, rest, compliance, odd_compliance, damping, out): displacements of the second ends. `first` and so on:
     x, y, z rows."""
@@ -83,8 +86,8 @@ def make_displace_row(compiler: Compiler, real: Any, axes: int, soft: bool, damp
 
 
 def make_lead(
-    compiler: Compiler, real: Any, axes: int, parts: frozenset[str], family: Family, several: bool, edge: Any
-) -> Any:
+    compiler: Compiler, real: Real, axes: int, parts: frozenset[str], family: Family, several: bool, edge: Callable
+) -> Callable:
     """Make lead(i, stores, source, turn, later, scratch, sheet): the constraints of a family that lead from row `i`, at
     the positions from `source` on.
 
@@ -129,7 +132,7 @@ def make_lead(
     return lead
 
 
-def make_gather_row(compiler: Compiler, real: Any, parts: frozenset[str], uneven: bool) -> Any:
+def make_gather_row(compiler: Compiler, real: Real, parts: frozenset[str], uneven: bool) -> Callable:
     """Make gather(blocks, position, weights, valences, displacements of ten rows, out): one axis of a row. A row of
     displacements begins REACH columns before the sheet's first one."""
     formulas, block = compiler.formulas(distance, real), block_of(real)
@@ -163,7 +166,7 @@ def make_gather_row(compiler: Compiler, real: Any, parts: frozenset[str], uneven
     return compiler.row(gather)
 
 
-def make_iterate(compiler: Compiler, real: Any, axes: int, parts: frozenset[str], several: bool) -> SimpleNamespace:
+def make_iterate(compiler: Compiler, real: Real, axes: int, parts: frozenset[str], several: bool) -> SimpleNamespace:
     """Make `open_walk(first, source, turn, later, scratch, sheet)`, called before a band's first row, and
     `iterate_row(i, source, target, turn, later, scratch, sheet)`, row by row: from the positions at `source` to those
     at `target`. See make_lead."""

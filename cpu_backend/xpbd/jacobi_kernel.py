@@ -8,8 +8,8 @@ one.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
-from typing import Any
 
 import numpy as np
 
@@ -21,9 +21,12 @@ from softlab.cpu_backend.xpbd.forces import make_wind
 from softlab.cpu_backend.xpbd.jacobi import make_iterate, stencil_rows
 from softlab.cpu_backend.xpbd.layout import P_OTHER, P_PLANE, P_SCRATCH, P_SCRATCH_SIZE, P_STRIDE
 from softlab.cpu_backend.xpbd.walk import keeps_velocity, make_walk
+from softlab.model.base.types import Real
 
 
-def make_parts_of_substep(compiler: Compiler, real: Any, axes: int, parts: frozenset[str], several: bool) -> Any:
+def make_parts_of_substep(
+    compiler: Compiler, real: Real, axes: int, parts: frozenset[str], several: bool
+) -> tuple[Callable, Callable]:
     """Make (open_band, iterate_band): the prediction of a band's border rows, and an iteration. A substep's first
     iteration also predicts the other rows, its last one computes their velocities."""
     walk, iterate = make_walk(compiler, real, axes, parts, 1), make_iterate(compiler, real, axes, parts, several)
@@ -56,7 +59,7 @@ def make_parts_of_substep(compiler: Compiler, real: Any, axes: int, parts: froze
 
 
 @cache
-def make_jacobi_advance(real: Any, math: str, axes: int, parts: frozenset[str], several: bool) -> Any:
+def make_jacobi_advance(real: Real, math: str, axes: int, parts: frozenset[str], several: bool) -> Callable:
     """Compile advance(bands, steps, bounds, natural, sheet): as that of xpbd/seidel.py, with bands of rows given by
     `bounds`."""
     words = parts | ({"several"} if several else set())

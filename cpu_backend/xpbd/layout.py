@@ -11,11 +11,11 @@ All numbers of a simulation are in one array, its parts at PLACES, so a kernel's
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from softlab.cpu_backend.core.layout import PAGE, SHIFT, Layout, block_of
+from softlab.model.base.types import Real
 
 CLASSES = {"structural": 2, "shear": 1, "bending": 4}  # of a row, by its constraints in Gauss-Seidel
 
@@ -126,7 +126,7 @@ class Combed(Layout):
         return out
 
 
-def combed(rows: int, columns: int, classes: int, real: Any, planes: int) -> Combed:
+def combed(rows: int, columns: int, classes: int, real: Real, planes: int) -> Combed:
     """Return the layout of a sheet's state."""
     block, item = block_of(real), np.dtype(real).itemsize
     longest = -(-columns // classes)

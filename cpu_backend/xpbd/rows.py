@@ -6,6 +6,7 @@ free and weigh as the sheet's: the same bits in less time.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
@@ -23,13 +24,14 @@ from softlab.cpu_backend.xpbd.layout import (
 )
 from softlab.cpu_backend.xpbd.stage_projections import make_change
 from softlab.model.base.tuples import reader
+from softlab.model.base.types import Real
 from softlab.model.contact.substep_parameters import CONSTANTS
 from softlab.model.formulas import distance
 from softlab.model.position_based.plan import FAMILIES, Family
 
 
 def make_motion_rows(
-    compiler: Compiler, real: Any, parts: frozenset[str], apart: bool, has_forces: bool
+    compiler: Compiler, real: Real, parts: frozenset[str], apart: bool, has_forces: bool
 ) -> SimpleNamespace:
     """Make `predict` and `finish`, one axis of a row, `predict_uneven`, with weights, and `pin`, `factor_of` (see
     below).
@@ -49,7 +51,7 @@ def make_motion_rows(
     zero, one = real(0), real(1)
     moves = has_forces or has_gravity or has_damping
 
-    def make_predict(uneven: bool) -> Any:
+    def make_predict(uneven: bool) -> Callable:
         def predict(blocks, position, velocity, before, acceleration, gravity, weights, factor, drag, h):
             """Predict one axis; `acceleration`: of each mass, read if there are forces; else `gravity` is that of
             all."""
@@ -101,7 +103,7 @@ def make_motion_rows(
     )
 
 
-def make_project_row(compiler: Compiler, real: Any, axes: int, soft: bool, damped: bool, uneven: bool) -> Any:
+def make_project_row(compiler: Compiler, real: Real, axes: int, soft: bool, damped: bool, uneven: bool) -> Callable:
     """Make project(blocks, first, second, first_before, second_before, weights, weights, multipliers, later,
     reciprocals, rest, compliance, damping): constraints that lead from one run of numbers to another.
 
@@ -143,11 +145,11 @@ def make_project_row(compiler: Compiler, real: Any, axes: int, soft: bool, dampe
 
 
 def make_rows_of_kinds(
-    compiler: Compiler, real: Any, axes: int, parts: frozenset[str], several: bool
-) -> dict[str, Any]:
+    compiler: Compiler, real: Real, axes: int, parts: frozenset[str], several: bool
+) -> dict[str, tuple[Callable, ...] | None]:
     """Make (even row, uneven row if any) by the kind of constraints. In a single iteration multipliers are 0 and not
     stored."""
-    versions_of_kind: dict[tuple[bool, bool], Any] = {}
+    versions_of_kind: dict[tuple[bool, bool], tuple[Callable, ...]] = {}
     kinds = {}
     has_weights = bool(parts & {"pins", "load"})
     for kind in ("structural", "shear", "bending"):
@@ -160,8 +162,8 @@ def make_rows_of_kinds(
 
 
 def make_link(
-    compiler: Compiler, real: Any, axes: int, parts: frozenset[str], family: Family, rows: Any, classes: int
-) -> Any:
+    compiler: Compiler, real: Real, axes: int, parts: frozenset[str], family: Family, rows: Any, classes: int
+) -> Callable:
     """Make link(i, later, sheet): the constraints of a family that lead down from row `i`, or both colours of those
     along it, one after the other. `sheet`: see xpbd/walk.py."""
     number, down = FAMILIES.index(family), family.rows

@@ -1,14 +1,14 @@
-"""The kernel `fused` in the coloured Gauss-Seidel ordering: every thread follows the steps of its band's schedule.
+"""The kernel `fused` in the coloured Gauss-Seidel ordering: each thread follows the schedule of its band.
 
-xpbd/schedule.py defines the order in which rows are predicted, projected and given their velocity, and the
-synchronisation of neighbouring bands; this file executes it. An iteration has phases in which no band waits for
-another: a team runs them (core/progress.py).
+xpbd/schedule.py defines the order in which rows are predicted, projected and given their velocities, and how
+neighbouring bands synchronise; this file executes it. The phases of an iteration need no waiting between bands: a team
+runs them (core/progress.py).
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
-from typing import Any
 
 import numpy as np
 
@@ -28,12 +28,13 @@ from softlab.cpu_backend.xpbd.schedule import (
     PHASES,
 )
 from softlab.cpu_backend.xpbd.walk import make_walk
+from softlab.model.base.types import Real
 from softlab.model.position_based.plan import FAMILIES
 
 
 def make_links(
-    compiler: Compiler, real: Any, axes: int, parts: frozenset[str], classes: int, several: bool
-) -> list[Any]:
+    compiler: Compiler, real: Real, axes: int, parts: frozenset[str], classes: int, several: bool
+) -> list[Callable]:
     """Make, for each of FAMILIES, f(i, later, sheet): its constraints that lead down from row i, or those along it."""
     rows = make_rows_of_kinds(compiler, real, axes, parts, several)
 
@@ -47,7 +48,7 @@ def make_links(
     ]
 
 
-def make_follow(compiler: Compiler, real: Any, axes: int, parts: frozenset[str], several: bool) -> Any:
+def make_follow(compiler: Compiler, real: Real, axes: int, parts: frozenset[str], several: bool) -> Callable:
     """Make follow(begin, end, is_first, is_last, step, substep, steps, sheet): the steps from `begin` to before `end`
     of a schedule, in an iteration that is a substep's first or last."""
     classes = classes_of(parts)
@@ -85,7 +86,7 @@ def make_follow(compiler: Compiler, real: Any, axes: int, parts: frozenset[str],
 
 
 @cache
-def make_seidel_advance(real: Any, math: str, axes: int, parts: frozenset[str], several: bool) -> Any:
+def make_seidel_advance(real: Real, math: str, axes: int, parts: frozenset[str], several: bool) -> Callable:
     """Compile advance(bands, steps, order, starts, bounds, natural, sheet): steps in place, `steps`: a Steps.
 
     `several`: true for more than one iteration. `order`, `starts`, `bounds`: the schedule; `natural`: of the sheet for

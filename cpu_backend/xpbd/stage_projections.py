@@ -6,6 +6,7 @@ and `right` columns to the right; for right = -1 from column j + 1 to column j.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
@@ -15,6 +16,7 @@ from numba import prange
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.scratch import cloth_variant
 from softlab.cpu_backend.xpbd.tables import kind_of
+from softlab.model.base.types import Real
 from softlab.model.contact.substep_parameters import (
     constants_of,
 )
@@ -25,7 +27,7 @@ from softlab.model.position_based.plan import FAMILIES, colour_order, families
 MARGIN = 2  # rows and columns of displacements around the sheet, without constraints
 
 
-def make_change(compiler: Compiler, real: Any, axes: int, soft: bool, damped: bool) -> Any:
+def make_change(compiler: Compiler, real: Real, axes: int, soft: bool, damped: bool) -> Callable:
     """Make change(d, e, rest, compliance, damping, multiplier, reciprocal) -> (change, scale) of one constraint.
 
     `d`, `e`: the vector between its ends, and its change in the substep, three numbers each.
@@ -54,7 +56,7 @@ def make_change(compiler: Compiler, real: Any, axes: int, soft: bool, damped: bo
 
 
 def make_kind(
-    compiler: Compiler, real: Any, axes: int, parts: frozenset[str], soft: bool, damped: bool
+    compiler: Compiler, real: Real, axes: int, parts: frozenset[str], soft: bool, damped: bool
 ) -> SimpleNamespace:
     """Make `project` (in place, a colour) and `displace` (the terms of a Jacobi sum) of a kind of constraints."""
     compiled, kernel = compiler.compiled, compiler.kernel
@@ -138,7 +140,7 @@ def make_kind(
     return SimpleNamespace(project=project, displace=displace)
 
 
-def make_gather(compiler: Compiler, real: Any, axes: int, parts: frozenset[str]) -> Any:
+def make_gather(compiler: Compiler, real: Real, axes: int, parts: frozenset[str]) -> Callable:
     """Make gather(position, displacements, weights, valences): it moves every mass by the sum of its displacements."""
     formulas = compiler.formulas(distance, real)
     gathered, averaged = formulas.gathered, formulas.averaged
@@ -177,7 +179,7 @@ def make_gather(compiler: Compiler, real: Any, axes: int, parts: frozenset[str])
     return compiler.kernel(gather)
 
 
-def make_attach(compiler: Compiler, real: Any, axes: int) -> Any:
+def make_attach(compiler: Compiler, real: Real, axes: int) -> Callable:
     """Make attach(position, weights, anchor, max_distance): it pulls masses back to the maximum distance of their anchors.
     `anchor` (count, rows, columns): the particle; `max_distance` [m], the same shape."""
     formulas = compiler.formulas(distance, real)
@@ -205,7 +207,7 @@ def make_attach(compiler: Compiler, real: Any, axes: int) -> Any:
     return compiler.kernel(attach)
 
 
-def make_projections(real: Any, math: str, axes: int, parts: frozenset[str]) -> SimpleNamespace:
+def make_projections(real: Real, math: str, axes: int, parts: frozenset[str]) -> SimpleNamespace:
     """Compile `kinds`, `project` and `displace` of each kind of constraints; `gather`, `attach`."""
     matter = parts & {"load", "jacobi", "averaged-jacobi"}
     kinds = {}

@@ -20,13 +20,14 @@ from softlab.cpu_backend.core.point_stages import make_point_stages
 from softlab.cpu_backend.core.scratch import cloth_variant
 from softlab.cpu_backend.core.wind import make_wind_stage
 from softlab.cpu_backend.xpbd.stage_projections import bind_projections, make_projections
+from softlab.model.base.types import Real
 from softlab.model.core.plan import Moment, StageRun
 from softlab.model.position_based.plan import FAMILIES
 from softlab.model.tables.cloth import COLLIDER_KINDS
 
 
 @cache
-def make_position_stages(real: Any, math: str, axes: int, parts: frozenset[str]) -> SimpleNamespace:
+def make_position_stages(real: Real, math: str, axes: int, parts: frozenset[str]) -> SimpleNamespace:
     """Make the stage kernels of a variant; each is compiled when it first runs, for the parts that affect it."""
 
     def build(make: Any, words: Sequence[str]) -> Any:

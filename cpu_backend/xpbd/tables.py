@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from softlab.model.base.types import Real
 from softlab.model.base.variant import plain_formulas
 from softlab.model.contact.substep_parameters import constants_of
 from softlab.model.core.build import Body
@@ -20,7 +21,7 @@ from softlab.model.position_based.plan import FAMILIES, Family, families
 from softlab.model.scene.scene import Scene
 
 
-def mass_weights(scene: Scene, body: Body, real: Any) -> np.ndarray:
+def mass_weights(scene: Scene, body: Body, real: Real) -> np.ndarray:
     """Return (rows, columns): 1, 0 if pinned, and a load's inverse mass relative to the sheet's."""
     mass = scene.grid.mass
     weights = np.where(body.inverse_mass == 1 / mass, 1.0, body.inverse_mass * mass)
@@ -71,7 +72,7 @@ class Tables:
     a weight other than 1. `reciprocals` and `valences` come from functions, since the record may change.
     """
 
-    def __init__(self, scene: Scene, body: Body, real: Any, parts: frozenset[str]):
+    def __init__(self, scene: Scene, body: Body, real: Real, parts: frozenset[str]):
         self.real, self.parts, self.rows, self.columns = real, parts, body.rows, body.columns
         self._formulas = plain_formulas(distance, real)
         rows = _Rows({}, [])
@@ -118,7 +119,7 @@ class Tables:
         return np.array(rows.rows), number
 
     def _row(self, family: Family, i: int, record: np.ndarray) -> np.ndarray:
-        out = np.zeros(self.columns, self.real)
+        out: np.ndarray = np.zeros(self.columns, self.real)
         first, second = index_columns(family, self.columns)
         upper, lower = self.weight_row[i], self.weight_row[i + family.rows]
         w_first, w_second = self.weights[upper][first], self.weights[lower][second]

@@ -6,8 +6,9 @@ All functions pass on `sheet`, a Sheet.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from types import SimpleNamespace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,6 +29,7 @@ from softlab.cpu_backend.xpbd.layout import (
     P_STRIDE,
 )
 from softlab.cpu_backend.xpbd.rows import make_motion_rows
+from softlab.model.base.types import Real
 from softlab.model.formulas import distance, lengths
 from softlab.model.tables.cloth import COLLIDER_KINDS
 
@@ -58,7 +60,7 @@ def keeps_velocity(parts: frozenset[str]) -> bool:
     return not parts.isdisjoint(COLLIDER_KINDS) or ("gauss-seidel" not in parts and dampers)
 
 
-def make_attach_row(compiler: Compiler, real: Any, axes: int, parts: frozenset[str]) -> Any:
+def make_attach_row(compiler: Compiler, real: Real, axes: int, parts: frozenset[str]) -> Callable:
     """Make attach_row(i, position, sheet): the attachments of row `i`."""
     formulas, block = compiler.formulas(distance, real), block_of(real)
     tether, tethered = formulas.tether, formulas.tethered
@@ -99,7 +101,7 @@ def make_attach_row(compiler: Compiler, real: Any, axes: int, parts: frozenset[s
     return attach_row
 
 
-def make_walk(compiler: Compiler, real: Any, axes: int, parts: frozenset[str], classes: int) -> SimpleNamespace:
+def make_walk(compiler: Compiler, real: Real, axes: int, parts: frozenset[str], classes: int) -> SimpleNamespace:
     """Make `begin_row`, `end_iteration` and `end_row`.
 
     `begin_row(i, step, position, sheet)`: the row's prediction, in place; `position`: offset of the planes of

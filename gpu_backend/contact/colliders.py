@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
-from types import SimpleNamespace
-from typing import Any
+from types import ModuleType, SimpleNamespace
 
 import numpy as np
 
@@ -33,12 +33,13 @@ from softlab.gpu_backend.contact.swept import make_swept
 from softlab.gpu_backend.core.compile import inlined
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.integers import BOXES, CAPSULES, COLLIDERS, FIELDS, MESHES, PLANES, SPHERES
+from softlab.model.base.types import Real
 from softlab.model.contact.sheet_plan import FRICTION_IN_PLACE
 from softlab.model.formulas import cloth, colliders, distance_field, triangle_tree
 
 
 @cache
-def make_place_of(real: Any, math: str) -> Any:
+def make_place_of(real: Real, math: str) -> Callable:
     """Make place_of(bodies, at, time) -> (x, y, z): position [m] at `time` [s] of the collider whose row begins at
     `at`."""
     moved = device_formulas(cloth, real, math).moved
@@ -54,7 +55,7 @@ def make_place_of(real: Any, math: str) -> Any:
     return place_of
 
 
-def _make_answers(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+def _make_answers(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Make `place_of`, `response` (velocity of a mass after contact) and `push`, for the collider whose row begins at
     `at`."""
     formulas, place_of = device_formulas(colliders, real, math), make_place_of(real, math)
@@ -95,7 +96,7 @@ def _make_answers(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespac
     return SimpleNamespace(place_of=place_of, response=response, push=push)
 
 
-def _make_meetings(real: Any, math: str, parts: frozenset[str]) -> tuple[Any, ...]:
+def _make_meetings(real: Real, math: str, parts: frozenset[str]) -> tuple[Callable, ...]:
     """Make, for a plane, a sphere, a capsule, a box, a mesh and a field, meet(before, p, v, slow, bodies, at, begin, end)
     -> (p, v): the collision of a mass, which was at `before`."""
     formulas, answers = device_formulas(colliders, real, math), _make_answers(real, math, parts)
@@ -139,7 +140,7 @@ def _make_meetings(real: Any, math: str, parts: frozenset[str]) -> tuple[Any, ..
         surface = box(p[0] - x, p[1] - y, p[2] - z, bodies[at + B_U], bodies[at + B_V], bodies[at + B_W])
         return push(p, v, surface, slow, bodies, at)
 
-    def of_surface(topic: Any) -> Any:
+    def of_surface(topic: ModuleType) -> Callable:
         """Make the collision in the collider's own frame (model/formulas/frame.py)."""
         touch_at = device_formulas(topic, real, math, bounces=bounces, in_place=FRICTION_IN_PLACE in parts).touch
 
@@ -172,7 +173,7 @@ def _make_meetings(real: Any, math: str, parts: frozenset[str]) -> tuple[Any, ..
 
 
 @cache
-def make_collide(real: Any, math: str, parts: frozenset[str]) -> Any:
+def make_collide(real: Real, math: str, parts: frozenset[str]) -> Callable:
     """Make collide(before, px, py, pz, vx, vy, vz, world, step) -> (px, py, pz, vx, vy, vz).
 
     `before`: the mass at the step's start (a quad); the rest: its state at the step's end. `bodies`: the rows of

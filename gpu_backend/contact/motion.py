@@ -7,16 +7,16 @@ from __future__ import annotations
 
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 from softlab.gpu_backend.contact.colliders import make_collide
 from softlab.gpu_backend.core.compile import inlined
 from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.model.base.types import Real
 from softlab.model.formulas import distance
 
 
 @cache
-def make_motion(real: Any, math: str, parts: frozenset[str], axes: int) -> SimpleNamespace:
+def make_motion(real: Real, math: str, parts: frozenset[str], axes: int) -> SimpleNamespace:
     """Make `predict`, `kick`, `rate_of`, `collide` and `settle`.
 
     `predict(p, v, ax, ay, az, parameters)` -> (x, y, z): the position without constraints; `kick(p, v, ax, ay, az,

@@ -8,8 +8,10 @@ import numpy as np
 from numba import cuda
 
 from softlab.gpu_backend.contact.particles_find import MIN_TABLE, make_find
+from softlab.gpu_backend.core.device import DeviceArray, Stream
 from softlab.gpu_backend.core.quads import SIZE
 from softlab.gpu_backend.core.scan import Scan
+from softlab.model.base.types import Real
 from softlab.model.contact.particle_parameters import MAX_NEIGHBOURS
 from softlab.model.contact.self_contact_parameters import table_size
 
@@ -38,9 +40,9 @@ class Neighbours:
 
     launches = 7  # of `find`, each of `flat`: one thread per particle
 
-    def __init__(self, real: Any, particles: int, pairs: tuple[Any, ...], rest: np.ndarray | None, stream: Any):
+    def __init__(self, real: Real, particles: int, pairs: tuple[Any, ...], rest: np.ndarray | None, stream: Stream):
         self._stream, self._pairs, has_self_contact = stream, pairs, rest is not None
-        quads = np.zeros((particles if has_self_contact else 1, SIZE), real)
+        quads: np.ndarray = np.zeros((particles if has_self_contact else 1, SIZE), real)
         quads[:, :3] = 0 if rest is None else rest
         self._rest = self._new(quads.reshape(-1))
         table = _table(particles) + 1  # the last number of its starts is the total
@@ -54,13 +56,13 @@ class Neighbours:
         self._scan, self.flat = Scan(table, stream), ((particles + THREADS - 1) // THREADS, THREADS, stream)
         self._find = make_find(real, has_self_contact, int(pairs[2]) > 1)
 
-    def _new(self, array: np.ndarray) -> Any:
+    def _new(self, array: np.ndarray) -> DeviceArray:
         return cuda.to_device(array, stream=self._stream)
 
-    def _integers(self, count: int) -> Any:
+    def _integers(self, count: int) -> DeviceArray:
         return self._new(np.zeros(count, np.int32))
 
-    def find(self, position: Any, record: Any) -> None:
+    def find(self, position: DeviceArray, record: DeviceArray) -> None:
         """Search from quads of positions, whose fourth number is the weight: a particle of weight 0 has no neighbours.
         `record`: rows of pairs, and the largest distance between neighbours."""
         kernels, flat, ordered = self._find, self.flat, (self._sorted, self._sorted_particles, self._sorted_bodies)

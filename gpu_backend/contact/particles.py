@@ -11,7 +11,9 @@ from numba import cuda
 from softlab.gpu_backend.contact.neighbours import Neighbours, neighbour_bytes
 from softlab.gpu_backend.contact.particles_bounce import make_bounce
 from softlab.gpu_backend.contact.particles_project import make_project
+from softlab.gpu_backend.core.device import Arguments, DeviceArray, Stream
 from softlab.gpu_backend.core.quads import SIZE
+from softlab.model.base.types import Real
 from softlab.model.contact.particle_parameters import (
     G_SEARCH_RADIUS,
     G_SELF_DISTANCE,
@@ -42,7 +44,7 @@ class ParticleContacts:
     only.
     """
 
-    def __init__(self, scene: Scene, real: Any, math: str, stream: Any, parts: frozenset[str] | None = None):
+    def __init__(self, scene: Scene, real: Real, math: str, stream: Stream, parts: frozenset[str] | None = None):
         part, body_set = scene.contact, scene.body_set
         assert part is not None
         self._real, self._stream, self._sweeps = real, stream, part.sweeps
@@ -68,7 +70,7 @@ class ParticleContacts:
         variant = "contact-friction" in parts, "contact-adhesion" in parts, self_contact, many, self._keeps, has_couples
         self._project = make_project(real, math, *variant)
 
-    def _new(self, array: np.ndarray) -> Any:
+    def _new(self, array: np.ndarray) -> DeviceArray:
         return cuda.to_device(array, stream=self._stream)
 
     def _record_of(self, scene: Scene) -> np.ndarray:
@@ -104,13 +106,15 @@ class ParticleContacts:
         """Apply the parameters that may change during a run."""
         self.record.copy_to_device(self._record_of(scene), stream=self._stream)
 
-    def find(self, position: Any) -> None:
+    def find(self, position: DeviceArray) -> None:
         """Search the neighbours of all particles at the predicted positions."""
         self.neighbours.find(position, self.record)
         if self._keeps:
             self._project.clear[self._flat](self.neighbours.neighbour_counts, self._pressed)
 
-    def project(self, before: Any, position: Any, travel: Any = None, couples: Any = None) -> None:
+    def project(
+        self, before: DeviceArray, position: DeviceArray, travel: DeviceArray | None = None, couples: Any = None
+    ) -> None:
         """Sweep over the contacts of the substep that began at `before`; `travel`: with rigid bodies; `couples`: with
         friction that turns clusters."""
         arguments = self.neighbours.neighbour_counts, self.neighbours.table, self.record, *self._pairs, self._touching
@@ -120,17 +124,19 @@ class ParticleContacts:
             self._project.count[self._flat](position, *arguments)
             self._project.project[self._flat](before, position, *arguments, *travels)
 
-    def count_impacts(self, position: Any, old: Any, velocity: Any, travel: Any) -> tuple[Any, ...]:
+    def count_impacts(
+        self, position: DeviceArray, old: DeviceArray, velocity: DeviceArray, travel: DeviceArray
+    ) -> Arguments:
         """Count the impacts of rigid bodies, and return the arguments of their kernels about contacts."""
         arguments = *self._impacts(position, old, velocity), travel, self._pressed
         self._bounce.count[self._flat](*arguments)
         return arguments
 
-    def _impacts(self, *states: Any) -> tuple[Any, ...]:
+    def _impacts(self, *states: Any) -> Arguments:
         counts, table = self.neighbours.neighbour_counts, self.neighbours.table
         return *states, counts, table, self.record, *self._pairs, self._touching
 
-    def bounce(self, position: Any, old: Any, velocity: Any) -> None:
+    def bounce(self, position: DeviceArray, old: DeviceArray, velocity: DeviceArray) -> None:
         """Bounce particles in contact at `position`; `old`, `velocity`: velocities at the substep's start and end."""
         arguments = self._impacts(position, old, velocity)
         self._bounce.count[self._flat](*arguments)

@@ -4,9 +4,9 @@ contact/particles_project.py: a particle with neighbours copies its velocity whi
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from numba import cuda
@@ -15,6 +15,7 @@ from softlab.gpu_backend.contact.particles_find import make_pairs
 from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernels, variant_name
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.quads import load_quad, store_quad
+from softlab.model.base.types import Real
 from softlab.model.contact.particle_parameters import (
     G_DISTANCE,
     G_SELF_DISTANCE,
@@ -26,7 +27,7 @@ from softlab.model.formulas import particle_contact
 
 
 @cache
-def make_lack(real: Any, math: str, self_contact: bool, many: bool, has_rigid: bool = False) -> Any:
+def make_lack(real: Real, math: str, self_contact: bool, many: bool, has_rigid: bool = False) -> Callable:
     """Make lack_of(i, j, state, w, position, old, record, kinds_of, travel, pressed): see the inner function.
 
     `has_rigid`: `travel` is read, as in shape_matching/rigid.py. Two particles of rigid bodies, which have slacks, then
@@ -68,7 +69,7 @@ def make_lack(real: Any, math: str, self_contact: bool, many: bool, has_rigid: b
 
 
 @cache
-def make_bounce(real: Any, math: str, self_contact: bool, many: bool, has_rigid: bool = False) -> SimpleNamespace:
+def make_bounce(real: Real, math: str, self_contact: bool, many: bool, has_rigid: bool = False) -> SimpleNamespace:
     """Compile `count` and `bounce`, both (position, old, velocity, found, neighbours, record, body, kind, kinds,
     touching).
 

@@ -9,9 +9,9 @@ fast math, where a cell might differ between two kernels: a NaN, or a particle t
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from numba import cuda
@@ -19,6 +19,7 @@ from numba import cuda
 from softlab.gpu_backend.core.compile import kernel_options, make_kernels, variant_name
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.quads import load_quad, store_quad
+from softlab.model.base.types import Real
 from softlab.model.contact.particle_parameters import (
     G_DISTANCE,
     G_NEIGHBOURS,
@@ -36,7 +37,7 @@ MIN_TABLE = 8  # buckets: a row's three cells are three different buckets, and n
 
 
 @cache
-def make_pairs(self_contact: bool, many: bool) -> Any:
+def make_pairs(self_contact: bool, many: bool) -> Callable:
     """Make pair_of(i, j, body, kind, kinds) -> (offset of the row of particles i and j in the record, true if they are
     of one body).
 
@@ -59,7 +60,7 @@ def make_pairs(self_contact: bool, many: bool) -> Any:
 
 
 @cache
-def _make_cells(real: Any) -> SimpleNamespace:
+def _make_cells(real: Real) -> SimpleNamespace:
     """Make functions of cells: `cell_of` and `is_near` of a coordinate, `bucket_of` of a cell."""
     device = cuda.jit(device=True, **kernel_options("exact"))
     scaled = device_formulas(particle_contact, real, "exact").scaled
@@ -83,7 +84,7 @@ def _make_cells(real: Any) -> SimpleNamespace:
     return SimpleNamespace(cell_of=cell_of, is_near=is_near, bucket_of=bucket_of)
 
 
-def _sort(real: Any) -> tuple[Any, ...]:
+def _sort(real: Real) -> tuple[Callable, ...]:
     cells, zero, one = _make_cells(real), real(0), np.int32(1)
     cell_of, is_near, bucket_of = cells.cell_of, cells.is_near, cells.bucket_of
 
@@ -120,7 +121,7 @@ def _sort(real: Any) -> tuple[Any, ...]:
     return hash_particles, fill_buckets, arrange
 
 
-def _make_search(real: Any, self_contact: bool, many: bool) -> Any:
+def _make_search(real: Real, self_contact: bool, many: bool) -> Callable:
     formulas, cells = device_formulas(particle_contact, real, "exact"), _make_cells(real)
     squared, within, cell_of, bucket_of = formulas.squared, formulas.within, cells.cell_of, cells.bucket_of
     device, pair_of = cuda.jit(device=True, **kernel_options("exact")), make_pairs(self_contact, many)
@@ -177,7 +178,7 @@ def _make_search(real: Any, self_contact: bool, many: bool) -> Any:
 
 
 @cache
-def make_find(real: Any, self_contact: bool, many: bool) -> SimpleNamespace:
+def make_find(real: Real, self_contact: bool, many: bool) -> SimpleNamespace:
     """Compile `hash_particles`, `fill_buckets`, `arrange` and `find_neighbours`.
 
     `hash_particles(position, record, buckets, counts)`: each particle's bucket, and the number of particles in a

@@ -6,9 +6,9 @@ copies of others while it moves. So positions stay in their buffer, and a partic
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from numba import cuda
@@ -20,6 +20,7 @@ from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.integers import make_clock
 from softlab.gpu_backend.core.quads import AXES, SIZE, load_quad, store_quad
 from softlab.gpu_backend.core.world import World
+from softlab.model.base.types import Real
 from softlab.model.contact.particle_parameters import (
     G_ACTIVE,
     G_DISTANCE,
@@ -39,7 +40,7 @@ from softlab.model.formulas.shape_matching import rigid
 
 @cache
 def make_project(
-    real: Any,
+    real: Real,
     math: str,
     has_friction: bool,
     has_adhesion: bool,
@@ -235,12 +236,13 @@ def make_project(
             for s in range(np.int32(min(neighbour_counts[i], most))):
                 pressed[s * particles + i] = zero
 
+    project: Callable
     if has_couples:
         project = project_all if has_rigid else project_coupled
     else:
         project = project_rigid if has_rigid else project_soft
     project.__name__ = "project"
-    words = (
+    words: tuple[str, ...] = (
         "friction" * has_friction,
         "adhesion" * has_adhesion,
         f"own{self_contact:d}",
@@ -253,7 +255,7 @@ def make_project(
 
 
 @cache
-def make_contact_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+def make_contact_ends(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Compile the kernels that end a substep: `finish`, `update_velocity` and `collide`.
 
     `finish(before, position, velocity, contact_record, record, bodies, integers, counter, place, substeps, substep)`:

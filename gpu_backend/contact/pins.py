@@ -8,15 +8,15 @@ from __future__ import annotations
 
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from numba import cuda
 
-from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
+from softlab.gpu_backend.core.compile import Kernel, inlined, kernel_options, make_kernel, variant_name
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.quads import load_quad, store_quad
 from softlab.model.base.errors import SceneError
+from softlab.model.base.types import Real
 from softlab.model.contact.cloth_parameters import (
     M_DURATION,
     M_SPIN,
@@ -63,7 +63,7 @@ def pin_marks(body: Body, bodies: np.ndarray, first: int) -> np.ndarray:
 
 
 @cache
-def make_pins(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+def make_pins(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Make `pin(mark, p, step, halfway, world)` -> (x, y, z, vx, vy, vz): the state of a pinned mass, which was at p,
     at the end of step number `step`, or half-way through it; `mark`: its mark."""
     has_motion = "motion" in parts
@@ -100,7 +100,7 @@ def make_pins(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
 
 
 @cache
-def make_drive(real: Any, math: str) -> Any:
+def make_drive(real: Real, math: str) -> Kernel:
     """Compile drive(position, velocity, record, bodies, driven, first, pins, counter, place, substeps, substep).
 
     It sets position and velocity of pinned particles at a substep's end by their motions: of `driven` (pins,), all
@@ -112,7 +112,7 @@ def make_drive(real: Any, math: str) -> Any:
 
     def drive(position, velocity, record, bodies, driven, first, pins, counter, place, substeps, substep):
         parameters = record[0]
-        n = np.int32(cuda.grid(1))  # type: ignore[call-arg]
+        n = np.int32(cuda.grid(1))
         if n < pins:
             pin = np.int32(first + wide * n)
             if bodies[pin + P_MOTION] >= nobody:

@@ -4,6 +4,7 @@ that."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
 from typing import Any
@@ -14,6 +15,7 @@ from numba import cuda
 from softlab.gpu_backend.core.compile import kernel_options, make_kernels, variant_name
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.quads import load_quad, store_quad
+from softlab.model.base.types import Real
 from softlab.model.contact.self_contact_parameters import (
     MAX_CONTACTS,
     SPAN,
@@ -52,7 +54,7 @@ def make_slots(math: str) -> SimpleNamespace:
 
 
 @cache
-def _make_add_contact(real: Any, math: str) -> Any:
+def _make_add_contact(real: Real, math: str) -> Callable:
     """Make add_contact(mass, triangle, before, predicted, columns, parameters, contacts, contact_count): see
     cpu_backend/contact/self_find.py. `mass`: its number, row and column, position and displacement; `contacts`:
     (triangles, corners, normals, weights)."""
@@ -119,7 +121,7 @@ def _make_add_contact(real: Any, math: str) -> Any:
 
 
 @cache
-def _make_cells(real: Any, math: str) -> SimpleNamespace:
+def _make_cells(real: Real, math: str) -> SimpleNamespace:
     """Make functions of cells, `floor`, `scaled`, `key`, `bucket`, and `relative`, the relative displacement of two
     masses."""
     device = cuda.jit(device=True, **kernel_options(math))
@@ -145,7 +147,7 @@ def _make_cells(real: Any, math: str) -> SimpleNamespace:
     )  # fmt: skip
 
 
-def _hash(real: Any, math: str) -> tuple[Any, ...]:
+def _hash(real: Real, math: str) -> tuple[Any, ...]:
     cells, device = _make_cells(real, math), cuda.jit(device=True, **kernel_options(math))
     floor, relative, middle, scaled = cells.floor, cells.relative, cells.middle, cells.scaled
     key_of, bucket_of, zero, one, two = cells.key, cells.bucket, real(0), np.int64(1), np.int64(2)
@@ -208,7 +210,7 @@ def _hash(real: Any, math: str) -> tuple[Any, ...]:
     return clear, hash_cells, fill_buckets
 
 
-def _make_find_contacts(real: Any, math: str) -> Any:
+def _make_find_contacts(real: Real, math: str) -> Callable:
     cells, add_contact = _make_cells(real, math), _make_add_contact(real, math)
     floor, relative, scaled, key_of, bucket_of = cells.floor, cells.relative, cells.scaled, cells.key, cells.bucket
     one, two, span = np.int64(1), np.int64(2), np.int64(SPAN)
@@ -266,7 +268,7 @@ def _make_find_contacts(real: Any, math: str) -> Any:
 
 
 @cache
-def make_find(real: Any, math: str) -> SimpleNamespace:
+def make_find(real: Real, math: str) -> SimpleNamespace:
     """Compile `clear`, `hash_cells`, `fill_buckets`, `find_contacts`; `before`, `predicted`: quads of masses."""
     kernels = (*_hash(real, math), _make_find_contacts(real, math))
     return make_kernels(kernels, f"contacts_{variant_name(real, math)}", **kernel_options(math))

@@ -145,13 +145,13 @@ def make_find(real: Any, math: str, ratios: bool = False) -> SimpleNamespace:
     one, many = real(1), np.int64(MAX_NEIGHBOURS)
 
     def take(before, vertices, points):
-        i = np.int64(cuda.grid(1))  # type: ignore[call-arg]
+        i = np.int64(cuda.grid(1))
         if i < vertices.size:
             p = load_quad(before, vertices[i])
             store_quad(points, i, p[0], p[1], p[2], one)
 
     def clear(contact_counts, link_counts):
-        k = np.int64(cuda.grid(1))  # type: ignore[call-arg]
+        k = np.int64(cuda.grid(1))
         if k < contact_counts.size:
             contact_counts[k] = 0
             link_counts[k] = 0
@@ -160,7 +160,7 @@ def make_find(real: Any, math: str, ratios: bool = False) -> SimpleNamespace:
         before, predicted, rest, body, vertices, table, numbers, offsets, at_vertex, corners_of, owned, record, ratio,
         triangles, corners, normals, weights, contact_counts, link_counts, lost,
     ):  # fmt: skip
-        i = np.int64(cuda.grid(1))  # type: ignore[call-arg]
+        i = np.int64(cuda.grid(1))
         if i < vertices.size:
             parameters = record[0]
             k, count = np.int64(vertices[i]), np.int64(0)

@@ -3,8 +3,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from types import SimpleNamespace
-from typing import Any
 
 from softlab.gpu_backend.contact.rows import (
     B_RADIUS,
@@ -15,11 +15,12 @@ from softlab.gpu_backend.contact.rows import (
 )
 from softlab.gpu_backend.core.compile import inlined
 from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.model.base.types import Real
 from softlab.model.formulas import cloth, colliders
 from softlab.model.formulas.fluid import sweep
 
 
-def make_swept(real: Any, math: str, answers: SimpleNamespace) -> tuple[Any, Any]:
+def make_swept(real: Real, math: str, answers: SimpleNamespace) -> tuple[Callable, Callable]:
     """Make `push_from_capsule` and `push_from_box`, as in gpu_backend/contact/colliders.py; `answers`: of that."""
     formulas, sums = device_formulas(colliders, real, math), device_formulas(cloth, real, math)
     sweeps, inline = device_formulas(sweep, real, math), inlined(math)

@@ -9,12 +9,13 @@ from __future__ import annotations
 
 import time
 from functools import cache
-from typing import Any
 
 import numpy as np
 from numba import cuda
 
+from softlab.gpu_backend.core.compile import Kernel
 from softlab.gpu_backend.core.device import simulated
+from softlab.model.base.types import Real
 
 THREADS = 256  # per block
 BLOCKS_EACH = 16  # per multiprocessor
@@ -24,7 +25,7 @@ ROUNDS = 4096  # of the loop: milliseconds on a large device
 
 
 @cache
-def make_chains(real: Any) -> Any:
+def make_chains(real: Real) -> Kernel:
     """Compile kernel(out, rounds, factor, summand): out (threads,) gets the sum of a thread's numbers."""
 
     @cuda.jit(fastmath=True)
@@ -53,7 +54,7 @@ def arithmetic_rate(precision: str, budget: float = 0.1) -> float:
 
     `precision`: float32 or float64. Under the CUDA simulator one block does one round: a check, and no rate.
     """
-    real = np.dtype(precision).type
+    real: Real = np.dtype(precision).type
     kernel = make_chains(real)
     blocks, rounds = (
         (1, 1) if simulated() else (BLOCKS_EACH * int(cuda.get_current_device().MULTIPROCESSOR_COUNT), ROUNDS)

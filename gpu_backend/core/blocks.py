@@ -9,6 +9,7 @@ block after another, these are plain accesses, valid for one block only.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from softlab.gpu_backend.core.device import simulated
@@ -17,7 +18,7 @@ PATIENCE = 1 << 22  # checks of a flag, some seconds, before a block gives up
 
 if simulated():
 
-    def make_flags(scope: str) -> tuple[Any, Any]:
+    def make_flags(scope: str) -> tuple[Callable, Callable]:
         """Return (raise_flag, read_flag), see below."""
 
         def raise_flag(flags: Any, index: Any, value: Any) -> None:
@@ -50,7 +51,7 @@ else:
         kind = ir.FunctionType(result, [argument.type for argument in arguments])
         return builder.call(ir.InlineAsm(kind, text, constraints, side_effect=True), arguments)
 
-    def make_flags(scope: str) -> tuple[Any, Any]:
+    def make_flags(scope: str) -> tuple[Callable, Callable]:
         """Make (raise_flag, read_flag) for all threads of the `scope`: "gpu", or "sys", which is every device."""
 
         @intrinsic

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numba import cuda
@@ -17,9 +17,16 @@ from numba import cuda
 from softlab.gpu_backend.core.device import simulated
 from softlab.model.base.digest import content_digest, file_name
 from softlab.model.base.kernel_cache import NamedByContent, NotifyingCache, Place, attach_cache
+from softlab.model.base.types import Real
 
 
-def variant_name(real: Any, *words: object) -> str:
+class Kernel(Protocol):
+    """A compiled kernel: `kernel[blocks, threads, stream, bytes of shared memory](*arguments)`."""
+
+    def __getitem__(self, launch: tuple) -> Callable[..., None]: ...
+
+
+def variant_name(real: Real, *words: object) -> str:
     """Return a unique name of a kernel's variant, valid as a symbol. Sets are sorted."""
     parts = [np.dtype(real).name]
     for word in words:
@@ -32,7 +39,7 @@ def kernel_options(math: str) -> dict[str, Any]:
     return {"fastmath": math == "fast"}
 
 
-def inlined(math: str) -> Any:
+def inlined(math: str) -> Callable[[Callable], Any]:
     """Return the decorator of device functions that take arrays in registers: a call would move them into local
     memory."""
     options = kernel_options(math)
@@ -41,7 +48,7 @@ def inlined(math: str) -> Any:
     return cuda.jit(device=True, **options)
 
 
-def make_kernel(function: Callable, variant: str, **options: Any) -> Any:
+def make_kernel(function: Callable, variant: str, **options: Any) -> Kernel:
     """Return cuda.jit(**options)(function), with its machine code cached on disk.
 
     Without a writable folder the kernel is compiled in each process (NUMBA_CACHE_DIR sets one). The simulator takes no
@@ -66,7 +73,7 @@ def _kernel_cache() -> Any:
     from numba.cuda.dispatcher import CUDACache, CUDACacheImpl
 
     class KernelFiles(NamedByContent, CUDACacheImpl):
-        _locator_classes = [Place]  # type: ignore[list-item]  # noqa: RUF012
+        _locator_classes = [Place]  # noqa: RUF012
 
     class KernelCache(NotifyingCache, CUDACache):
         _impl_class = KernelFiles

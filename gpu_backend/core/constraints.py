@@ -11,18 +11,19 @@ voxel's five tetrahedra eight vertices are read and written once each, instead o
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from itertools import pairwise
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from numba import cuda
 
-from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
+from softlab.gpu_backend.core.compile import Kernel, inlined, kernel_options, make_kernel, variant_name
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.quads import load_quad, make_row, pack, store_quad
 from softlab.model.base.tuples import each_of, tuple_of
+from softlab.model.base.types import Real
 from softlab.model.particles.constraints import ConstraintSet, Projection
 
 
@@ -46,7 +47,7 @@ def device_corners(projection: Projection, corners: np.ndarray, starts: np.ndarr
 
 
 @cache
-def make_projections(real: Any, math: str, projection: Projection) -> Any:
+def make_projections(real: Real, math: str, projection: Projection) -> Kernel:
     """Compile project(position, before, corners, values, multipliers, start, stop, count, fresh, record).
 
     It projects the colour from place `start` to before `stop` of a set of `count` constraints; positions are quads with
@@ -57,7 +58,7 @@ def make_projections(real: Any, math: str, projection: Projection) -> Any:
 
     def project(position, before, corners, values, multipliers, start, stop, size, fresh, record):
         parameters = record[0]
-        runs, thread, count = np.int32((stop - start) // run), np.int32(cuda.grid(1)), np.int32(size)  # type: ignore[call-arg]
+        runs, thread, count = np.int32((stop - start) // run), np.int32(cuda.grid(1)), np.int32(size)
         if thread < runs:
             constants, place = constants_of(parameters), np.int32(start + thread)
             fetched = fetch(corners, values, np.int32(start // run + thread), place, count)
@@ -67,7 +68,7 @@ def make_projections(real: Any, math: str, projection: Projection) -> Any:
 
 
 @cache
-def make_constants(real: Any, math: str, projection: Projection) -> Any:
+def make_constants(real: Real, math: str, projection: Projection) -> Callable:
     """Make constants_of(parameters): compliance, damping and stiffening for the projection."""
     has_constants, zero, neutral = projection.constants is not None, real(0), real(1)
     c_compliance, c_damping, c_stiffening = projection.constants or ("", "", "")
@@ -82,7 +83,7 @@ def make_constants(real: Any, math: str, projection: Projection) -> Any:
 
 
 @cache
-def make_run(real: Any, math: str, projection: Projection) -> SimpleNamespace:
+def make_run(real: Real, math: str, projection: Projection) -> SimpleNamespace:
     """Make `fetch` and `take`, for run `number` of a set of `count` constraints, which begin at `place`, `apart` from
     another.
 
@@ -93,7 +94,7 @@ def make_run(real: Any, math: str, projection: Projection) -> SimpleNamespace:
     return (_make_around if projection.around else _make_apart)(real, math, projection)
 
 
-def _make_apart(real: Any, math: str, projection: Projection) -> SimpleNamespace:
+def _make_apart(real: Real, math: str, projection: Projection) -> SimpleNamespace:
     functions, run, inline = make_one(real, math, projection), projection.run, inlined(math)
     corners_of, values_of, quads_of, one, put_all = (
         functions.corners_of, functions.values_of, functions.quads_of, functions.one, functions.put_all
@@ -124,7 +125,7 @@ def _make_apart(real: Any, math: str, projection: Projection) -> SimpleNamespace
     return SimpleNamespace(fetch=fetch, take=take)
 
 
-def _make_around(real: Any, math: str, projection: Projection) -> SimpleNamespace:
+def _make_around(real: Real, math: str, projection: Projection) -> SimpleNamespace:
     """Make `fetch` and `take` of constraints around a run's last one.
 
     In turn a constraint has its own corner `a` and the corners `f`, `g`, `h` of the last one, whose fourth is `e`: they
@@ -163,7 +164,7 @@ def _make_around(real: Any, math: str, projection: Projection) -> SimpleNamespac
 
 
 @cache
-def make_one(real: Any, math: str, projection: Projection) -> SimpleNamespace:
+def make_one(real: Real, math: str, projection: Projection) -> SimpleNamespace:
     """Make the functions of one constraint at a place of a set of `count`.
 
     `corners_of(corners, count, place)`, `values_of(values, ...)`: its constant data; `quads_of(position, ends, ...)`:
@@ -174,26 +175,26 @@ def make_one(real: Any, math: str, projection: Projection) -> SimpleNamespace:
     inline, is_soft, is_damped = inlined(math), projection.soft, projection.damped
     zero = real(0)
 
-    def quad_at(n: int) -> Any:
+    def quad_at(n: int) -> Callable:
         return inline(lambda position, ends, count, k: load_quad(position, ends[n]))
 
-    def put_at(n: int) -> Any:
+    def put_at(n: int) -> Callable:
         @inline
         def put(position, ends, count, k, quad):
             store_quad(position, ends[n], quad[0], quad[1], quad[2], quad[3])
 
         return put
 
-    def point_at(n: int) -> Any:
+    def point_at(n: int) -> Callable:
         return inline(lambda quads, count, unused, k: (quads[n][0], quads[n][1], quads[n][2]))
 
-    def weight_at(n: int) -> Any:
+    def weight_at(n: int) -> Callable:
         return inline(lambda quads, count, unused, k: quads[n][3])
 
-    def moved_at(n: int) -> Any:
+    def moved_at(n: int) -> Callable:
         return inline(lambda points, quads, unused, k: (points[n][0], points[n][1], points[n][2], quads[n][3]))
 
-    def multiplier_at(n: int) -> Any:
+    def multiplier_at(n: int) -> Callable:
         @inline
         def multiplier(multipliers, fresh, count, k):
             if is_soft:
@@ -203,7 +204,7 @@ def make_one(real: Any, math: str, projection: Projection) -> SimpleNamespace:
 
         return multiplier
 
-    def store_at(n: int) -> Any:
+    def store_at(n: int) -> Callable:
         @inline
         def store(multipliers, fresh, count, k, multiplier):
             multipliers[np.uint32(np.int32(n * count) + k)] = multiplier

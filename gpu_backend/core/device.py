@@ -4,13 +4,46 @@ from __future__ import annotations
 
 import os
 from functools import cache
-from typing import Any
+from typing import Any, Protocol
+
+import numpy as np
 
 from softlab.model.base.errors import BackendUnavailable
 
 SIMULATED_LIMITS = (1, 1 << 20)  # one block at a time runs there; shared memory is not limited
 INSTALL = 'pip install -e ".[cuda13]" (NVIDIA driver 580 or newer) or ".[cuda12]" (older drivers), in the lab\'s folder'
 SIMULATOR = "NUMBA_ENABLE_CUDASIM=1 runs the kernels, slowly, without a GPU"
+
+
+class Stream(Protocol):
+    """A CUDA stream; 0, the default one, in the simulator."""
+
+    handle: int
+
+    def __int__(self) -> int: ...
+
+    def synchronize(self) -> None: ...
+
+
+class DeviceArray(Protocol):
+    """An array in the device's memory; in the simulator an array of the host."""
+
+    dtype: np.dtype
+    nbytes: int
+    shape: tuple[int, ...]
+    size: int
+
+    def copy_to_host(self, ary: np.ndarray | None = None, stream: Stream | int = 0) -> np.ndarray: ...
+
+    def copy_to_device(self, ary: np.ndarray | DeviceArray, stream: Stream | int = 0) -> None: ...
+
+    def view(self, dtype: np.dtype | type) -> DeviceArray: ...
+
+    def __getitem__(self, index: int | slice) -> DeviceArray: ...
+
+
+Argument = DeviceArray | np.generic | int | float | tuple  # of a kernel; a tuple is a group of them
+Arguments = tuple[Argument, ...]
 
 
 def simulated() -> bool:

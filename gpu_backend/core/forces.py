@@ -6,6 +6,7 @@ over its own, if the scene has a `load`.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
 from typing import Any
@@ -13,10 +14,18 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
+from softlab.gpu_backend.core.compile import Kernel, inlined, kernel_options, make_kernel, variant_name
+from softlab.gpu_backend.core.device import DeviceArray
 from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
-from softlab.model.core.own_forces import PARTICLE_FORCES, accelerated, add, force_flags, particle_forces
+from softlab.model.base.types import Real
+from softlab.model.core.own_forces import (
+    PARTICLE_FORCES,
+    accelerated,
+    add,
+    force_flags,
+    particle_forces,
+)
 from softlab.model.core.plan import StageRun
 from softlab.model.tables.cloth import CONSTRAINT_KINDS
 
@@ -26,10 +35,10 @@ PARTICLE_FORCE_PARTS = frozenset(
 
 
 @cache
-def make_forces(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """Make device functions: `add(a, weight, f)` of model/core/own_forces.py, `add_gravity(..., parameters)` and
-    `add_particle_force(..., k, weight, parameters, integers, step)`, all own forces. The last two map (ax, ay, az, ...)
-    to (ax, ay, az)."""
+def make_forces(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
+    """Make device functions: `add(a, weight, f)` adds one force (model/core/own_forces.py); `add_gravity(...,
+    parameters)` adds gravity; `add_particle_force(..., k, weight, parameters, integers, step)` adds all forces on
+    single particles. The last two map the acceleration (ax, ay, az, ...) to (ax, ay, az)."""
     particle_force, inline, has_gravity = make_particle_force(real, math, 3, parts), inlined(math), "gravity" in parts
     add_force = device_variant(real, math, True, **force_flags(3, parts))(add)
 
@@ -47,27 +56,27 @@ def make_forces(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
 
 
 @cache
-def make_particle_force(real: Any, math: str, axes: int, parts: frozenset[str]) -> Any:
+def make_particle_force(real: Real, math: str, axes: int, parts: frozenset[str]) -> Any:
     """Make own(a, k, weight, parameters, integers, step) (model/core/own_forces.py)."""
     return device_variant(real, math, True, **force_flags(axes, parts))(accelerated(parts))
 
 
 @cache
-def make_force_stages(real: Any, math: str, parts: frozenset[str]) -> dict[str, Any]:
+def make_force_stages(real: Real, math: str, parts: frozenset[str]) -> dict[str, Kernel]:
     """Compile the stages of gravity and of own forces, by name: kernels (position, record, integers, step, a), which
     add to the accelerations `a` (quads); the weights are in `position`."""
     add_gravity, zero = make_forces(real, math, parts).add_gravity, real(0)
 
     def gravity(position, record, integers, step, a):
-        k = np.int32(cuda.grid(1))  # type: ignore[call-arg]
+        k = np.int32(cuda.grid(1))
         if k < a.size // SIZE:
             b = load_quad(a, k)
             ax, ay, az = add_gravity(b[0], b[1], b[2], record[0])
             store_quad(a, k, ax, ay, az, zero)
 
-    def stage_of(particle_force: Any) -> Any:
+    def stage_of(particle_force: Callable) -> Callable:
         def force(position, record, integers, step, a):
-            k = np.int32(cuda.grid(1))  # type: ignore[call-arg]
+            k = np.int32(cuda.grid(1))
             if k < a.size // SIZE:
                 b, p = load_quad(a, k), load_quad(position, k)
                 ax, ay, az = particle_force((b[0], b[1], b[2]), k, p[3], record[0], integers, step)
@@ -85,7 +94,7 @@ def make_force_stages(real: Any, math: str, parts: frozenset[str]) -> dict[str, 
     return {name: make_kernel(stage, f"forces_{variant}", **kernel_options(math)) for name, stage in stages.items()}
 
 
-def bind_forces(sim: Any, parts: frozenset[str], position: Any, a: Any) -> dict[str, StageRun]:
+def bind_forces(sim: Any, parts: frozenset[str], position: DeviceArray, a: Any) -> dict[str, StageRun]:
     """Return the functions of those stages for `sim`, which read particles at `position` and add accelerations to
     `a`."""
 

@@ -21,10 +21,11 @@ from numba import cuda
 
 from softlab.gpu_backend.core.compile import inlined
 from softlab.gpu_backend.core.device import simulated
+from softlab.model.base.types import Real
 from softlab.model.base.variant import PRODUCT, Formulas, Variant
 
 
-def _instructions(real: Any, math: str, options: dict[str, Any]) -> dict[str, Callable]:
+def _instructions(real: Real, math: str, options: dict[str, Any]) -> dict[str, Callable]:
     if simulated():
         return {PRODUCT: operator.mul} if math == "exact" else {}
     from numba.cuda import libdevice
@@ -35,7 +36,7 @@ def _instructions(real: Any, math: str, options: dict[str, Any]) -> dict[str, Ca
     return _fast_instructions(real, options)
 
 
-def _fast_instructions(real: Any, options: dict[str, Any]) -> dict[str, Callable]:
+def _fast_instructions(real: Real, options: dict[str, Any]) -> dict[str, Callable]:
     """Return the replacements for `fast` math: without a branch and, in float64, without a quotient.
 
     float64 has an approximate root of 20 bits only; with e = 1 - s y^2, 1 / sqrt(s) = y (1 - e)^(-1/2) = y (1 + e/2 + 3
@@ -84,7 +85,7 @@ def _fast_instructions(real: Any, options: dict[str, Any]) -> dict[str, Callable
 
 
 @cache
-def _variant(real: Any, math: str, inline: bool, features: frozenset[tuple[str, Any]]) -> Variant:
+def _variant(real: Real, math: str, inline: bool, features: frozenset[tuple[str, Any]]) -> Variant:
     options = {"fastmath": math == "fast"}
     instructions = _instructions(real, math, options)
     product = instructions.pop(PRODUCT, None)
@@ -92,11 +93,11 @@ def _variant(real: Any, math: str, inline: bool, features: frozenset[tuple[str, 
     return Variant(real, compiled, dict(features), product, instructions)
 
 
-def device_variant(real: Any, math: str, inline: bool = False, **features: Any) -> Variant:
+def device_variant(real: Real, math: str, inline: bool = False, **features: Any) -> Variant:
     """Return what compiles formulas as device functions for `math`; see model/base/variant.py."""
     return _variant(real, math, inline, frozenset(features.items()))
 
 
-def device_formulas(module: ModuleType, real: Any, math: str, **features: Any) -> Formulas:
+def device_formulas(module: ModuleType, real: Real, math: str, **features: Any) -> Formulas:
     """Return the formulas of a module in a variant."""
     return device_variant(real, math, **features).of(module)

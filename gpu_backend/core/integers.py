@@ -3,8 +3,8 @@ kind."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
-from typing import Any
 
 import numpy as np
 
@@ -38,7 +38,7 @@ def integers_of(scene: Scene) -> np.ndarray:
 
 
 @cache
-def make_clock(math: str, parts: frozenset[str]) -> Any:
+def make_clock(math: str, parts: frozenset[str]) -> Callable:
     """Make clock(counter, place, substeps, substep) -> (the step's number, the substep's).
 
     `place`: number of the step after the counter. 0 if nothing depends on time.

@@ -11,7 +11,7 @@ from typing import Any
 
 from numba import cuda
 
-from softlab.gpu_backend.core.device import simulated
+from softlab.gpu_backend.core.device import Arguments, Stream, simulated
 from softlab.model.base.errors import BackendUnavailable
 
 CHUNKS = (256, 64, 16, 4, 2)  # passes per graph; even, so that ping-pong buffers are back in place after each
@@ -32,7 +32,7 @@ class Graphs:
     before: nothing may be compiled or loaded while a stream is captured.
     """
 
-    def __init__(self, stream: Any, launch: Callable[[int, int], None], after: Callable[[int], None]):
+    def __init__(self, stream: Stream, launch: Callable[[int, int], None], after: Callable[[int], None]):
         try:
             from cuda.bindings import runtime
         except ImportError as error:
@@ -58,7 +58,7 @@ class Graphs:
         _checked(self._runtime.cudaGraphLaunch(self._graphs[parity, count], self._handle()))
 
     def ready(self, parity: int, count: int) -> None:
-        """Capture that graph, unless it exists."""
+        """Capture the graph of `count` passes from buffer `parity`, unless it exists."""
         if (parity, count) not in self._graphs:
             self._graphs[parity, count] = self._capture(parity, count)
 
@@ -85,7 +85,7 @@ class Graphs:
         self._graphs.clear()
 
 
-def prepare(kernel: Any, arguments: tuple[Any, ...], shared: int, cooperative: bool = False) -> None:
+def prepare(kernel: Any, arguments: Arguments, shared: int, cooperative: bool = False) -> None:
     """Compile a kernel for these arguments, and allow it `shared` bytes of dynamic shared memory, also above 48 KB.
 
     `cooperative`: all blocks are launched together or not at all.

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
-from typing import Any
 
 import numpy as np
 from numba import cuda
@@ -13,7 +13,7 @@ from softlab.gpu_backend.core.compile import inlined
 
 
 @cache
-def make_barrier(math: str) -> Any:
+def make_barrier(math: str) -> Callable:
     """Make barrier(flags, wanted): every thread of every block must call it; what was written before is read after it.
 
     `flags` (1,) int32, 0 before the launch; `wanted`: the number of blocks at first, then the last returned value.

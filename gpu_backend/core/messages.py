@@ -21,9 +21,10 @@ import numpy as np
 
 from softlab.gpu_backend.core.compile import inlined
 from softlab.gpu_backend.core.device import simulated
+from softlab.model.base.types import Real
 
 
-def message_size(real: Any) -> int:
+def message_size(real: Real) -> int:
     """Return the number of scalars of a message."""
     return 4 if real is np.float32 else 6
 
@@ -38,7 +39,7 @@ if simulated():
         time.sleep(0)
 
     @cache
-    def make_messages(real: Any) -> SimpleNamespace:
+    def make_messages(real: Real) -> SimpleNamespace:
         """Make `send(array, index, x, y, z, tag)` and `receive(array, index, tag)` -> (x, y, z, true if it has
         arrived)."""
         size = message_size(real)
@@ -152,7 +153,7 @@ else:
         return signature.args[0], arguments[0], signature.args[1], arguments[1]
 
     @cache
-    def make_messages(real: Any) -> SimpleNamespace:
+    def make_messages(real: Real) -> SimpleNamespace:
         """Make `send(array, index, x, y, z, tag)` and `receive(array, index, tag)` -> (x, y, z, true if it has
         arrived)."""
         inline = inlined("exact")

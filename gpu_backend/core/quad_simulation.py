@@ -3,10 +3,9 @@ position."""
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from softlab.gpu_backend.core.device import DeviceArray
 from softlab.gpu_backend.core.integers import integers_of, knows_time
 from softlab.gpu_backend.core.quads import SIZE
 from softlab.gpu_backend.core.simulation import CudaSimulation
@@ -21,9 +20,9 @@ class QuadSimulation(CudaSimulation):
 
     _weight: np.ndarray
     _fourth: np.ndarray | float = 0.0
-    bodies: Any
+    bodies: DeviceArray
 
-    def new_array(self) -> Any:
+    def new_array(self) -> DeviceArray:
         """Return a device array of quads, zeros."""
         return self.zeros(SIZE * self.particle_count, self.real)
 
@@ -36,13 +35,13 @@ class QuadSimulation(CudaSimulation):
 
     # ------------------------------------------------------------------ the contract
 
-    def _quads(self, array: Any) -> np.ndarray:
+    def _quads(self, array: DeviceArray) -> np.ndarray:
         """Return a device array of quads as (quads, 4) on the host."""
         host = array.copy_to_host(stream=self.stream)
         self.synchronize()
         return host.reshape(-1, SIZE)
 
-    def _to_host(self, array: Any) -> np.ndarray:
+    def _to_host(self, array: DeviceArray) -> np.ndarray:
         return np.ascontiguousarray(self._quads(array)[:, : self.scene.dimensions])
 
     def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:

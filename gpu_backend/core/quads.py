@@ -10,6 +10,7 @@ for a signed one compiled code checks whether it is negative, which took half as
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -97,14 +98,14 @@ def pack(rows: np.ndarray) -> np.ndarray:
     return np.concatenate([quads.ravel(), rows[:, whole:].T.ravel()])
 
 
-def make_row(n: int, inline: Any) -> Any:
+def make_row(n: int, inline: Any) -> Callable:
     """Make row_of(packed, count, k): the n numbers of row k of `count`."""
     quads = n // SIZE
 
-    def quad_at(m: int) -> Any:
+    def quad_at(m: int) -> Callable:
         return inline(lambda packed, count, unused, k: load_quad(packed, np.int32(m * count + k)))
 
-    def number_at(m: int) -> Any:
+    def number_at(m: int) -> Callable:
         quad, place = divmod(m, SIZE)
         if quad < quads:
             return inline(lambda quads, packed, count, k: quads[quad][place])

@@ -6,6 +6,7 @@ block then sums the chunks' totals, one strip per thread, and all add theirs. In
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
 from typing import Any
@@ -14,13 +15,13 @@ import numpy as np
 from numba import cuda
 
 from softlab.gpu_backend.core.compile import make_kernels
-from softlab.gpu_backend.core.device import simulated
+from softlab.gpu_backend.core.device import Stream, simulated
 
 CHUNK = 32 if simulated() else 512  # numbers per block; the simulator runs each thread as a Python thread
 
 
 @cache
-def make_before(threads: int) -> Any:
+def make_before(threads: int | np.int32) -> Callable:
     """Make before(value): the sum over the block's threads before this one.
 
     Every thread of a block of `threads`, a power of two, must call it.
@@ -48,7 +49,7 @@ def make_before(threads: int) -> Any:
 
 
 @cache
-def make_strips(threads: int) -> Any:
+def make_strips(threads: int) -> Callable:
     """Make strips(sums, size): each of the first `size` numbers is replaced by the sum of those before it, one strip
     per thread, by all threads of a block of `threads`.
 
@@ -106,7 +107,7 @@ def make_scan() -> SimpleNamespace:
 class Scan:
     """Sums of `count` numbers, with memory allocated once."""
 
-    def __init__(self, count: int, stream: Any):
+    def __init__(self, count: int, stream: Stream):
         self._blocks = (count + CHUNK - 1) // CHUNK
         self._stream = stream
         self._totals = cuda.to_device(np.zeros(self._blocks, np.int32), stream=stream)

@@ -13,12 +13,21 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 from numba import cuda
 
-from softlab.gpu_backend.core.device import memory_info, require_gpu, simulated, unsupported_code
+from softlab.gpu_backend.core.device import (
+    Arguments,
+    DeviceArray,
+    Stream,
+    memory_info,
+    require_gpu,
+    simulated,
+    unsupported_code,
+)
 from softlab.gpu_backend.core.launch import Graphs, new_stream
 from softlab.gpu_backend.core.sheet import BLOCK, MAX_BLOCKS_DOWN
 from softlab.model.base.errors import SceneError
@@ -34,25 +43,24 @@ class CudaSimulation(Simulation):
     """A simulation on the GPU, its state on the device throughout; model/core/simulation.py defines the contract."""
 
     backend = "gpu"
-    position: list[Any]
-    velocity: list[Any]
-    stored_position: Any
-    stored_velocity: Any
-    parameters: Any
-    integers: Any
-    stream: Any
+    position: list[DeviceArray]
+    velocity: list[DeviceArray]
+    stored_position: DeviceArray
+    stored_velocity: DeviceArray
+    integers: DeviceArray
+    stream: Any  # a Stream, once the simulation has started
     _integers: np.ndarray
-    _counter: Any
+    _counter: DeviceArray
     _counts: bool
-    _bad: Any
+    _bad: DeviceArray
     _current: int
     _flat: tuple
-    _tools: Any
+    _tools: SimpleNamespace
     _executor: Executor
     _graphs: Graphs | None = None
     _normals: Any = None
 
-    def __init__(self, scene: Scene, options: Options, stream: Any = None):
+    def __init__(self, scene: Scene, options: Options, stream: Stream | None = None):
         """Open the simulation. `stream`: of a world whose members run on one; None: a new one."""
         self.device = require_gpu()
         self.stream = stream
@@ -87,16 +95,16 @@ class CudaSimulation(Simulation):
         self._build_or_explain()
         self.reset()
 
-    def _over(self, count: int, threads: int) -> tuple[int, int, Any]:
+    def _over(self, count: int, threads: int) -> tuple[int, int, Stream]:
         """Return a launch of at least `count` threads, `threads` per block."""
         return max(1, -(-count // threads)), threads, self.stream
 
-    def on_device(self, array: np.ndarray) -> Any:
+    def on_device(self, array: np.ndarray) -> DeviceArray:
         """Return a flat device copy of an array; for an empty one, which kernels do not take, a quad of zeros."""
         flat = np.ascontiguousarray(array).reshape(-1)
         return cuda.to_device(flat if flat.size else np.zeros(4, array.dtype), stream=self.stream)
 
-    def zeros(self, count: int, dtype: Any) -> Any:
+    def zeros(self, count: int, dtype: np.dtype | type) -> DeviceArray:
         """Return a flat device array of zeros, written on the device."""
         if simulated():
             return self.on_device(np.zeros(count, dtype))
@@ -105,7 +113,7 @@ class CudaSimulation(Simulation):
         return array
 
     @abstractmethod
-    def new_array(self) -> Any:
+    def new_array(self) -> DeviceArray:
         """Return a device array of zeros for one quantity of every particle."""
 
     @abstractmethod
@@ -176,11 +184,11 @@ class CudaSimulation(Simulation):
         bad = self.fetch(self._bad)
         return -1 if bad == NOTHING_BAD else bad
 
-    def _middle(self) -> tuple[Any, ...]:
+    def _middle(self) -> tuple[np.floating, ...]:
         """Return (x, y, z) [m] of the scene's centre, from which divergence is measured; a plane is at z = 0."""
         return tuple(map(self.real, (*self._centre, 0.0)[:3]))
 
-    def fetch(self, array: Any) -> int:
+    def fetch(self, array: DeviceArray) -> int:
         """Return the first number of a device array, after everything queued is done."""
         host = array.copy_to_host(stream=self.stream)
         self.synchronize()
@@ -193,7 +201,7 @@ class CudaSimulation(Simulation):
         self.synchronize()
 
     @abstractmethod
-    def _to_host(self, array: Any) -> np.ndarray:
+    def _to_host(self, array: DeviceArray) -> np.ndarray:
         """Return a device array of the state as (particles, dimensions)."""
 
     def _download(self) -> tuple[np.ndarray, np.ndarray]:
@@ -211,7 +219,7 @@ class CudaSimulation(Simulation):
         into[...] = position
         return into
 
-    def _normal_arguments(self) -> tuple[Any, ...]:
+    def _normal_arguments(self) -> Arguments:
         """Return the arguments of `write_normal` about the sheet, besides positions."""
         return np.int32(self.body.rows), np.int32(self.body.columns)
 

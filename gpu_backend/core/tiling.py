@@ -35,7 +35,7 @@ class Tile:
 
     @property
     def name(self) -> str:
-        """Such as 64x8x8h4: columns, strips, masses per strip, halo."""
+        """Name of the tile, such as 64x8x8h4: columns, strips, masses per strip, halo."""
         return f"{self.columns}x{self.strips}x{self.strip}h{self.halo}"
 
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from numba import cuda
@@ -13,11 +13,12 @@ from softlab.gpu_backend.core.compile import inlined
 from softlab.gpu_backend.core.formulas import device_formulas, device_variant
 from softlab.gpu_backend.core.integers import WIND_SEED
 from softlab.gpu_backend.core.quads import load_quad
+from softlab.model.base.types import Real
 from softlab.model.formulas import cloth, random, wind
 
 
 @cache
-def make_wind(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+def make_wind(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Make `air_now(parameters, integers, step, offset)`, the air's velocity (x, y, z) [m/s], and `wind_sum(position,
     velocity, place, cell, p, v, parameters, air)`, the wind over mass [m/s^2] on one mass."""
     formulas, sums = device_formulas(wind, real, math), device_formulas(cloth, real, math)
@@ -91,7 +92,7 @@ def make_wind(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
 
 
 @cache
-def make_block_air(real: Any, math: str, parts: frozenset[str]) -> Any:
+def make_block_air(real: Real, math: str, parts: frozenset[str]) -> Callable:
     """Make air(parameters, integers, step, offset) -> (x, y, z) [m/s]; every thread of the block must call it."""
     air_now = make_wind(real, math, parts).air_now
     has_wind, has_gust = "wind" in parts, "gust" in parts

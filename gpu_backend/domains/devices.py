@@ -73,7 +73,7 @@ def unload_once(modules: Iterable[Mapping[Any, Any]]) -> None:
 
 
 def at(device: int) -> AbstractContextManager[Any]:
-    """Return the context in which work is queued on that GPU."""
+    """Return the context in which work is queued on GPU number `device`."""
     context: AbstractContextManager[Any] = cuda.gpus[device]
     return context
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from softlab.gpu_backend.core.device import require_gpu, simulated
+from softlab.gpu_backend.core.device import DeviceArray, Stream, require_gpu, simulated
 from softlab.gpu_backend.core.launch import Graphs
 from softlab.gpu_backend.domains.devices import at, connect, devices_for
 from softlab.gpu_backend.domains.kernels import FLAG_STRIDE, MOST_BLOCKS, THREADS, blocks_for, make_border_kernels
@@ -57,7 +57,7 @@ class FlagExchange(Exchange):
     def _count(self, border: Border) -> int:
         return border.rows * self.states[0].row
 
-    def _on(self, place: int, array: np.ndarray) -> Any:
+    def _on(self, place: int, array: np.ndarray) -> DeviceArray:
         with at(self.devices[place]):
             copy = cuda.to_device(array)
             cuda.synchronize()
@@ -73,12 +73,12 @@ class FlagExchange(Exchange):
                         (self.push if give else self.take)(border, window.stream, nothing=True)
                     window.synchronize()
 
-    def _launch(self, border: Border, stream: Any) -> tuple[int, int, Any]:
+    def _launch(self, border: Border, stream: Stream) -> tuple[int, int, Any]:
         """Return the launch configuration; under the simulator, which runs every thread of every block, two small
         blocks."""
         return (2, 8, stream) if simulated() else (blocks_for(self._count(border)), THREADS, stream)
 
-    def push(self, border: Border, stream: Any, nothing: bool = False) -> None:
+    def push(self, border: Border, stream: Stream, nothing: bool = False) -> None:
         """Push a border into the inbox of its target; queued on its source's GPU."""
         state, count = self.states[border.source], 0 if nothing else self._count(border)
         self._kernels.push[self._launch(border, stream)](
@@ -86,7 +86,7 @@ class FlagExchange(Exchange):
             self._sent[border],
         )  # fmt: skip
 
-    def take(self, border: Border, stream: Any, nothing: bool = False) -> None:
+    def take(self, border: Border, stream: Stream, nothing: bool = False) -> None:
         """Copy a halo from the inbox, once it has arrived; queued on its target's GPU."""
         state, count = self.states[border.target], 0 if nothing else self._count(border)
         launch = self._launch(border, stream)

@@ -22,6 +22,7 @@ from softlab.gpu_backend.core.blocks import load_fresh_pair
 from softlab.gpu_backend.core.compile import make_kernels, variant_name
 from softlab.gpu_backend.core.pairs import load_pair, store_pair
 from softlab.gpu_backend.domains.system_flags import nanoseconds, raise_system_flag, read_system_flag
+from softlab.model.base.types import Real
 
 FLAG_STRIDE = 32  # int32 between two flags: a 128-byte line each
 THREADS = 512  # per block of push and take
@@ -30,7 +31,7 @@ PATIENCE = 20_000_000_000  # ns that a block waits for a neighbour
 CHECKS = 255  # checks of a flag between two of the clock; all binary digits are ones
 
 
-def unit_of(real: Any, dimensions: int, columns: int) -> Any:
+def unit_of(real: Real, dimensions: int, columns: int) -> Any:
     """Return the type in which a border's bytes are copied: 16 bytes, or 8 if rows of pairs of float32 are not a
     multiple."""
     return np.complex64 if dimensions == 2 and real is np.float32 and columns % 2 else np.complex128

@@ -10,6 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 from numba import cuda
 
+from softlab.gpu_backend.core.device import Arguments, DeviceArray, Stream
 from softlab.gpu_backend.fluid.cells import Particles
 from softlab.gpu_backend.fluid.solids import make_sampling, make_solid_kernels
 from softlab.gpu_backend.fluid.solver import Fluid
@@ -27,8 +28,8 @@ COUNTED = 128  # threads per block, over samples and over particles of solids
 class SolidPlaces(Protocol):
     """Positions of the solids' particles: `before` the substep, and `position` now, flat device arrays of quads."""
 
-    before: Any
-    position: Any
+    before: DeviceArray
+    position: DeviceArray
 
     @property
     def launches(self) -> int:
@@ -45,9 +46,11 @@ class FluidAmongSolids(Fluid):
     """Fluids and `samples` of solids, whose particles are at `places`; part of a world, which steps it. The rest is the
     contract of Fluid."""
 
-    _whole: Any = None  # positions of all particles, for reading
+    _whole: DeviceArray | None = None  # positions of all particles, for reading
 
-    def __init__(self, scene: Scene, options: Options, samples: Samples, places: SolidPlaces, stream: Any = None):
+    def __init__(
+        self, scene: Scene, options: Options, samples: Samples, places: SolidPlaces, stream: Stream | None = None
+    ):
         self.samples, self.places = samples, places
         super().__init__(scene, options, stream)
 
@@ -86,7 +89,7 @@ class FluidAmongSolids(Fluid):
 
     # ------------------------------------------------------------------ coupling to solids
 
-    def known(self, particle: Any) -> tuple[Any, ...]:
+    def known(self, particle: DeviceArray) -> Arguments:
         """Return the arguments of kernels about particles, whose numbers are `particle`."""
         return self.record, *self.lists, particle, np.int32(self._fluid_count), self._kinds
 
@@ -104,21 +107,21 @@ class FluidAmongSolids(Fluid):
         )
         self.cells.bound(particles.position)
 
-    def find_solids(self, position: Any, particle: Any, world: tuple[Any, ...]) -> None:
+    def find_solids(self, position: DeviceArray, particle: DeviceArray, world: Arguments) -> None:
         """Store the slots of samples, and compute the factors of particles among them."""
         self.sampling.gather[self._flat](particle, np.int32(self._fluid_count), self._slots)
         self.solving.factors[self._flat](position, *self.known(particle), *self.relaxed, self.fluids, *world)
 
-    def follow_solids(self, position: Any) -> None:
+    def follow_solids(self, position: DeviceArray) -> None:
         """Write the current positions of samples."""
         self.places.take(fresh=False)
         self.sampling.follow[self._over_samples](self._slots, *self._points, self.places.position, position)
 
-    def constrain(self, position: Any, particle: Any, world: tuple[Any, ...]) -> None:
+    def constrain(self, position: DeviceArray, particle: DeviceArray, world: Arguments) -> None:
         """Compute the changes of multipliers."""
         self.solving.density[self._flat](position, *self.known(particle), *self.relaxed, *world)
 
-    def correct(self, position: Any, particle: Any, world: tuple[Any, ...], into: Any) -> None:
+    def correct(self, position: DeviceArray, particle: DeviceArray, world: Arguments, into: Any) -> None:
         """Correct the positions `position` and store them in `into`; store the shifts of samples."""
         arguments = self.before, position, *self.known(particle), self.gradients, self.fluids, *world
         self.solving.correct[self._flat](*arguments, self._shift, into)
@@ -192,7 +195,7 @@ class FluidAmongSolids(Fluid):
         more = np.zeros((self.particle_count - self._fluid_count, position.shape[1]), self.real)
         super()._upload(np.concatenate([position, more]), np.concatenate([velocity, more]))
 
-    def _to_host(self, array: Any) -> np.ndarray:
+    def _to_host(self, array: DeviceArray) -> np.ndarray:
         return super()._to_host(array)[: self._fluid_count]
 
     def _multipliers(self) -> np.ndarray:
@@ -219,7 +222,7 @@ def bind_solid_stages(sim: FluidAmongSolids) -> dict[str, StageRun]:
     bound = bind_fluid_stages(sim)
     now, start, particle = bound.now, sim.on_device(np.zeros(1, np.int64)), sim.particle[1]
 
-    def world(moment: Moment) -> tuple[Any, ...]:
+    def world(moment: Moment) -> Arguments:
         time = start, np.int64(moment.step), np.int64(moment.substeps), np.int64(moment.substep)
         return sim.bodies, sim.integers, *time
 

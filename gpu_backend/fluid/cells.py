@@ -22,8 +22,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import cuda
 
-from softlab.gpu_backend.core.device import simulated
+from softlab.gpu_backend.core.device import DeviceArray, Stream, simulated
 from softlab.gpu_backend.fluid.sort_kernels import BOX, CHUNK, NUMBERS, REALS, THREADS, make_cell_sort
+from softlab.model.base.types import Real
 
 MOST_BOXES = 3 if simulated() else 1024  # blocks that compute the particles' bounding box
 
@@ -38,10 +39,10 @@ class Particles(NamedTuple):
     """Arrays of particles that the sort moves: positions, positions at the substep's start, velocities (quads),
     numbers."""
 
-    position: Any
-    before: Any
-    velocity: Any
-    number: Any
+    position: DeviceArray
+    before: DeviceArray
+    velocity: DeviceArray
+    number: DeviceArray
 
 
 class Cells:
@@ -55,7 +56,7 @@ class Cells:
 
     launches = 7  # of a sort and a search, without `bound`
 
-    def __init__(self, real: Any, particles: int, neighbours: int, most: int, repeats: frozenset[str], stream: Any,
+    def __init__(self, real: Real, particles: int, neighbours: int, most: int, repeats: frozenset[str], stream: Stream,
                  flow: Any = None):  # fmt: skip
         self._real, self._stream, self._most = real, stream, np.int32(most)
         self.limit = real(np.finfo(real).max)  # particles beyond, and NaN, do not extend the grid
@@ -72,17 +73,17 @@ class Cells:
         self._flat = (particles + THREADS - 1) // THREADS, THREADS, stream
         self._sort = make_cell_sort(real, repeats, flow is not None)
 
-    def _new(self, array: np.ndarray) -> Any:
+    def _new(self, array: np.ndarray) -> DeviceArray:
         return cuda.to_device(array, stream=self._stream)
 
-    def _integers(self, count: int) -> Any:
+    def _integers(self, count: int) -> DeviceArray:
         return self._new(np.zeros(count, np.int32))
 
-    def bound(self, position: Any) -> None:
+    def bound(self, position: DeviceArray) -> None:
         """Compute the bounding boxes of quads, if no other launch has done it."""
         self._sort.bound[self.blocks, THREADS, self._stream](position, self.limit, self.boxes)
 
-    def sort(self, record: Any, particles: Particles, into: Particles) -> None:
+    def sort(self, record: DeviceArray, particles: Particles, into: Particles) -> None:
         """Sort particles, whose boxes are known, into the order of cells."""
         kernels, flat, stream = self._sort, self._flat, self._stream
         kernels.span[1, THREADS, stream](self.boxes, record, self._most, self.reals, self.numbers)

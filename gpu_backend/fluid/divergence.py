@@ -9,9 +9,9 @@ a solve is `relax` and `push`: at n = 28, 370 bytes and 1430 flop.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from numba import cuda
@@ -24,12 +24,13 @@ from softlab.gpu_backend.core.world import World
 from softlab.gpu_backend.fluid.kernels import WALL
 from softlab.gpu_backend.fluid.sums import List, make_pair, make_row, make_sums
 from softlab.gpu_backend.fluid.walls import make_walls
+from softlab.model.base.types import Real
 from softlab.model.fluid.parameters import F_WEIGHT
 from softlab.model.formulas.fluid import density, divergence
 
 
 @cache
-def make_approach(real: Any, math: str, parts: frozenset[str], repeats: frozenset[str]) -> Any:
+def make_approach(real: Real, math: str, parts: frozenset[str], repeats: frozenset[str]) -> Callable:
     """Make approach(k, p, vector, position, vectors, near_by, wall, parameters).
 
     It returns what a vector of each particle (quads; `vector`: that of particle k at p) contributes to C of particle k;
@@ -62,7 +63,7 @@ def make_approach(real: Any, math: str, parts: frozenset[str], repeats: frozense
 
 
 @cache
-def make_targets(real: Any, math: str, parts: frozenset[str], repeats: frozenset[str]) -> SimpleNamespace:
+def make_targets(real: Real, math: str, parts: frozenset[str], repeats: frozenset[str]) -> SimpleNamespace:
     """Compile `survey` and `foresee`.
 
     `survey(position, velocity, record, table, neighbour_counts, constraints, gradients, targets,
@@ -112,7 +113,7 @@ def make_targets(real: Any, math: str, parts: frozenset[str], repeats: frozenset
 
 
 @cache
-def make_wall_at(real: Any, math: str, parts: frozenset[str]) -> Any:
+def make_wall_at(real: Real, math: str, parts: frozenset[str]) -> Callable:
     """Make wall_at(k, gradients): four numbers, the last three of which are the wall gradient of particle k."""
     has_walls, zero, axes = "walls" in parts, real(0), np.int32(WALL)
 
@@ -127,7 +128,7 @@ def make_wall_at(real: Any, math: str, parts: frozenset[str]) -> Any:
 
 
 @cache
-def make_solve(real: Any, math: str, parts: frozenset[str], repeats: frozenset[str]) -> SimpleNamespace:
+def make_solve(real: Real, math: str, parts: frozenset[str], repeats: frozenset[str]) -> SimpleNamespace:
     """Compile `relax` and `push`.
 
     `relax(position, shifts, record, table, neighbour_counts, gradients, targets, factors, aheads, iterates, turn,

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from softlab.gpu_backend.core.device import Arguments, DeviceArray
 from softlab.gpu_backend.fluid.cells import Particles
 from softlab.gpu_backend.fluid.divergence import make_solve, make_targets
 from softlab.gpu_backend.fluid.divergence_motion import make_free_motion
@@ -49,18 +50,18 @@ class DivergenceFree:
         sim.cells.bound(position)
         return Particles(position, position, sim.velocity[current], sim.particle[current])
 
-    def sort(self, particles: Particles, particle: Any) -> None:
+    def sort(self, particles: Particles, particle: DeviceArray) -> None:
         """Sort into `sorted`, `before`, `meant` and `particle`."""
         sim = self.sim
         sim.cells.sort(sim.record, particles, Particles(sim.sorted, sim.before, sim.predicted_velocity, particle))
 
-    def search(self, world: tuple[Any, ...]) -> None:
+    def search(self, world: Arguments) -> None:
         """Build neighbour lists and factors. `world`: bodies, integers, counter, place, substeps, substep."""
         sim, (find, factors) = self.sim, self.find
         find[sim._flat](sim.sorted, sim.record, *sim.near, sim.cells.counts)
         factors[sim._flat](sim.sorted, sim.record, *sim.lists, *sim.relaxed, sim.fluids, *world)
 
-    def survey(self, world: tuple[Any, ...]) -> None:
+    def survey(self, world: Arguments) -> None:
         """Compute the constraints, and the targets of the first solve."""
         sim = self.sim
         self.aims.survey[sim._flat](
@@ -101,7 +102,7 @@ class DivergenceFree:
         assert self.smoothing is not None
         self.smoothing.shape[sim._flat](sim.before, sim.predicted_velocity, sim.record, *sim.lists, *scratch)
 
-    def accelerate(self, scratch: tuple[Any, Any], particle: Any, time: tuple[Any, ...]) -> None:
+    def accelerate(self, scratch: tuple[Any, Any], particle: DeviceArray, time: Arguments) -> None:
         """Apply neighbours, drag and forces to the velocities, into `corrected`. `time`: counter, place, substeps,
         substep."""
         sim, velocity = self.sim, self.sim.predicted_velocity
@@ -130,7 +131,7 @@ class DivergenceFree:
             sim.sorted, sim.corrected, sim.record, *sim.lists, sim.constraints, sim.gradients, self.targets
         )
 
-    def move(self, position: Any, velocity: Any, world: tuple[Any, ...]) -> None:
+    def move(self, position: DeviceArray, velocity: DeviceArray, world: Arguments) -> None:
         """Write the new state."""
         sim = self.sim
         self.motion.move[sim._flat](
@@ -138,7 +139,7 @@ class DivergenceFree:
             position, velocity,
         )  # fmt: skip
 
-    def substep(self, now: int, time: tuple[Any, ...]) -> None:
+    def substep(self, now: int, time: Arguments) -> None:
         """Launch a substep, from the buffers 1 - `now` into the buffers `now`."""
         sim, particle = self.sim, self.sim.particle[now]
         position, velocity = sim.position[now], sim.velocity[now]
@@ -165,10 +166,10 @@ class DivergenceFree:
         sim, start = self.sim, self.sim.on_device(np.zeros(1, np.int64))
         scratch, gathered = (sim.position[1], sim.velocity[1]), dict[str, Particles]()
 
-        def time(moment: Moment) -> tuple[Any, ...]:
+        def time(moment: Moment) -> Arguments:
             return start, np.int64(moment.step), np.int64(moment.substeps), np.int64(moment.substep)
 
-        def world(moment: Moment) -> tuple[Any, ...]:
+        def world(moment: Moment) -> Arguments:
             return sim.bodies, sim.integers, *time(moment)
 
         def gather(moment: Moment) -> None:

@@ -3,9 +3,9 @@ particle (model/fluid/divergence_plan.py, 1, 6, 8 and 11)."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from numba import cuda
@@ -20,12 +20,13 @@ from softlab.gpu_backend.core.world import World
 from softlab.gpu_backend.fluid.motion import SLOWED
 from softlab.gpu_backend.fluid.sums import make_row
 from softlab.gpu_backend.fluid.walls import make_settled
+from softlab.model.base.types import Real
 from softlab.model.fluid.parameters import F_BUOYANCY, F_CHANGE, F_DRAG, F_SPEED, F_SURFACE_DRAG, F_WEIGHT
 from softlab.model.formulas.fluid import divergence, motion
 
 
 @cache
-def _make_corrected_velocity(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+def _make_corrected_velocity(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Make `corrected_velocity(v, e, most, parameters)`, a velocity after a solve, and `limited(vx, vy, vz, most)`."""
     m, gained = device_formulas(motion, real, math), device_formulas(divergence, real, math).gained
     speed_of, limited_change, slowed, is_limited = m.speed_of, m.limited_change, m.slowed, "held-back" in parts
@@ -52,7 +53,7 @@ def _make_corrected_velocity(real: Any, math: str, parts: frozenset[str]) -> Sim
 
 
 @cache
-def make_free_motion(real: Any, math: str, parts: frozenset[str], repeats: frozenset[str]) -> SimpleNamespace:
+def make_free_motion(real: Real, math: str, parts: frozenset[str], repeats: frozenset[str]) -> SimpleNamespace:
     """Compile `gather`, `take_up`, `accelerate` and `move`.
 
     `gather(position, record, into)`: positions wrapped into the periodic box; `take_up(before, velocity, shifts,
@@ -141,7 +142,7 @@ def make_free_motion(real: Any, math: str, parts: frozenset[str], repeats: froze
 
 
 @cache
-def _make_accelerated(real: Any, math: str, parts: frozenset[str]) -> Any:
+def _make_accelerated(real: Real, math: str, parts: frozenset[str]) -> Callable:
     """Make accelerated(k, v, at, particle, constraints, parameters, fluids, integers, step).
 
     It returns the velocity after drag and the particle's own forces; `at`: the row of its fluid.

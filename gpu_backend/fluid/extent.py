@@ -3,8 +3,8 @@ which is that number; it is copied along with the particles' numbers."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
-from typing import Any
 
 import numpy as np
 
@@ -14,7 +14,7 @@ FLOWS = frozenset({"emitter", "sink"})
 
 
 @cache
-def make_extent(parts: frozenset[str]) -> Any:
+def make_extent(parts: frozenset[str]) -> Callable:
     """Make extent(array) -> (particles, active particles), of an array with one integer per particle."""
     flows, one = bool(parts & FLOWS), np.int32(1)
 

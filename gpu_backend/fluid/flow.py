@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
+from softlab.gpu_backend.core.device import Arguments, DeviceArray
 from softlab.gpu_backend.fluid.flow_kernels import DUE_FIELDS, THREADS, make_flow_kernels
 from softlab.model.fluid.flow import emitter_rows, fluid_starts, sink_rows
 from softlab.model.tables.flow import nozzle_points
@@ -49,7 +50,7 @@ class Flow:
         if self._emits:
             self._emitters.copy_to_device(self._rows(), stream=self._stream)
 
-    def emit(self, position: Any, velocity: Any, particle: Any, time: tuple[Any, ...]) -> None:
+    def emit(self, position: DeviceArray, velocity: DeviceArray, particle: DeviceArray, time: Arguments) -> None:
         """Emit the particles of a substep into the state; `time`: counter, place, substeps, substep."""
         if not self._emits:
             return

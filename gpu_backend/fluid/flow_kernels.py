@@ -8,9 +8,9 @@ active. Particles in a sink get no cell in `take`, which replaces `hash_particle
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from numba import cuda
@@ -22,6 +22,7 @@ from softlab.gpu_backend.core.integers import make_clock
 from softlab.gpu_backend.core.quads import load_quad, store_quad
 from softlab.gpu_backend.core.scan import make_before, make_strips
 from softlab.gpu_backend.fluid.sort_kernels import ACTIVE_CELLS, DEPTH, HEIGHT, INVERSE, LOW, WIDTH
+from softlab.model.base.types import Real
 from softlab.model.fluid.flow import (
     E_BEFORE,
     E_COUNT,
@@ -60,7 +61,7 @@ D_LAYER, D_NEEDED, D_BEFORE = range(3)
 DUE_FIELDS = 3
 
 
-def _make_due(real: Any, math: str, parts: frozenset[str]) -> tuple[Any, ...]:
+def _make_due(real: Real, math: str, parts: frozenset[str]) -> tuple[Callable, ...]:
     """Make `due`, `rank`, `totals` (see the module docstring).
 
     `due_now` (emitters + 1, DUE_FIELDS), flat, int32: what is due; D_NEEDED of the last row: the sum.
@@ -112,7 +113,7 @@ def _make_due(real: Any, math: str, parts: frozenset[str]) -> tuple[Any, ...]:
     return due, rank, totals
 
 
-def _make_emission(real: Any, math: str) -> tuple[Any, ...]:
+def _make_emission(real: Real, math: str) -> tuple[Callable, ...]:
     """Make `emit` and `arrive`."""
     emitted, threads, axes = device_formulas(flow, real, math).emitted, np.int32(THREADS), np.int32(3)
     one, zero, fields, row_size = np.int32(1), np.int32(0), np.int32(DUE_FIELDS), np.int32(EMITTER_FIELDS)
@@ -178,7 +179,7 @@ def _make_emission(real: Any, math: str) -> tuple[Any, ...]:
     return emit, arrive
 
 
-def _make_sinks(real: Any) -> tuple[Any, ...]:
+def _make_sinks(real: Real) -> tuple[Callable, ...]:
     cell_of, f = device_formulas(grid, real, "exact").cell_of, device_formulas(flow, real, "exact")
     in_box, in_sphere, behind, one = f.in_box, f.in_sphere, f.behind, np.int32(1)
     size, gone, zero = np.int32(SINK_FIELDS), np.int32(-1), np.int32(0)
@@ -224,7 +225,7 @@ def _make_sinks(real: Any) -> tuple[Any, ...]:
 
 
 @cache
-def make_flow_kernels(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+def make_flow_kernels(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Compile all kernels of emitters and sinks."""
     emission = make_kernels(
         (*_make_due(real, math, parts), *_make_emission(real, math)),

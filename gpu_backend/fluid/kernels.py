@@ -13,6 +13,7 @@ an H200 (4.0 TB/s measured, 31 TFLOP/s at half of peak) memory limits it to 12.6
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
 from typing import Any
@@ -30,13 +31,14 @@ from softlab.gpu_backend.fluid.extent import make_extent
 from softlab.gpu_backend.fluid.lists import LANES, make_search
 from softlab.gpu_backend.fluid.sums import List, make_row, make_sums
 from softlab.gpu_backend.fluid.walls import make_walls
+from softlab.model.base.types import Real
 from softlab.model.fluid.parameters import F_WEIGHT
 from softlab.model.formulas.fluid import density
 
 WALL = 3  # numbers of a wall's gradient
 
 
-def walk_options(real: Any, math: str) -> dict[str, Any]:
+def walk_options(real: Real, math: str) -> dict[str, Any]:
     """Return the compile options of kernels that traverse lists, in blocks of LANES threads at most.
 
     They leave registers for the loads of four neighbours in flight. By default the compiler uses fewer registers and
@@ -46,7 +48,7 @@ def walk_options(real: Any, math: str) -> dict[str, Any]:
 
 
 @cache
-def make_relax(real: Any, math: str, parts: frozenset[str]) -> Any:
+def make_relax(real: Real, math: str, parts: frozenset[str]) -> Callable:
     """Make relax(k, total, wall, factor, multipliers, constraints, parameters, first) -> change of particle k's
     multiplier.
 
@@ -70,7 +72,7 @@ def make_relax(real: Any, math: str, parts: frozenset[str]) -> Any:
 
 
 @cache
-def make_move(real: Any, math: str, parts: frozenset[str], repeats: frozenset[str]) -> Any:
+def make_move(real: Real, math: str, parts: frozenset[str], repeats: frozenset[str]) -> Callable:
     """Make move(k, p, b, position, near_by, gradients, fluids, world, number) -> (x, y, z).
 
     It returns the position of particle k, now at p and at b before the substep, after a correction and the colliders.
@@ -97,7 +99,7 @@ def make_move(real: Any, math: str, parts: frozenset[str], repeats: frozenset[st
 
 
 @cache
-def _make_nothing_added() -> Any:
+def _make_nothing_added() -> Callable:
     @inlined("exact")
     def visit(sums, k, p, j, position, fluids, parameters):
         return sums
@@ -106,7 +108,7 @@ def _make_nothing_added() -> Any:
 
 
 @cache
-def make_wall_terms(real: Any, math: str, parts: frozenset[str]) -> Any:
+def make_wall_terms(real: Real, math: str, parts: frozenset[str]) -> Callable:
     """Make wall_terms(k, p, gradients, world, number) -> (density, gx, gy, gz), the contribution of walls at p, the
     position of particle k; their gradient is stored."""
     walls, has_walls, numbers_each, zero = make_walls(real, math, parts), "walls" in parts, np.int32(WALL), real(0)
@@ -126,7 +128,7 @@ def make_wall_terms(real: Any, math: str, parts: frozenset[str]) -> Any:
 
 @cache
 def make_density_kernels(
-    real: Any, math: str, parts: frozenset[str], repeats: frozenset[str], neighbours: int
+    real: Real, math: str, parts: frozenset[str], repeats: frozenset[str], neighbours: int
 ) -> SimpleNamespace:
     """Compile the kernels of the density constraint, for blocks of LANES threads at most.
 
@@ -142,7 +144,7 @@ def make_density_kernels(
 
 
 def _make_searching(
-    real: Any, math: str, parts: frozenset[str], repeats: frozenset[str], neighbours: int
+    real: Real, math: str, parts: frozenset[str], repeats: frozenset[str], neighbours: int
 ) -> SimpleNamespace:
     """Compile `find` and `prepare`."""
     variant, axes, extent = (real, math, parts), 2 if "flat" in parts else 3, make_extent(parts)
@@ -184,7 +186,7 @@ def _make_searching(
     return make_kernels((find, prepare), f"fluid_{variant_name(*variant, repeats)}", **kernel_options(math))
 
 
-def _make_walking(real: Any, math: str, parts: frozenset[str], repeats: frozenset[str]) -> SimpleNamespace:
+def _make_walking(real: Real, math: str, parts: frozenset[str], repeats: frozenset[str]) -> SimpleNamespace:
     """Compile `factors`, `density` and `correct`."""
     variant, extent, zero = (real, math, parts), make_extent(parts), real(0)
     sums, clock = make_sums(*variant, repeats), make_clock(math, parts)

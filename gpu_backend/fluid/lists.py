@@ -11,9 +11,10 @@ fast math.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numba import cuda
@@ -23,6 +24,7 @@ from softlab.gpu_backend.core.device import simulated
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.quads import load_quad
 from softlab.gpu_backend.fluid.sort_kernels import DEPTH, HEIGHT, WIDTH, WRAPS
+from softlab.model.base.types import Real
 from softlab.model.formulas.fluid import density
 
 WORD = 32  # candidates per word of bits
@@ -34,20 +36,20 @@ LANES = 128  # threads per block at most: each has a column of slots
 class Scales(NamedTuple):
     """Constants of a visit, in registers: after a store to a list they would be loaded again."""
 
-    support: Any
-    inverse_support: Any
-    gradient_scale: Any
-    sampled: Any
-    side_x: Any
-    half_x: Any
-    side_y: Any
-    half_y: Any
-    side_z: Any
-    half_z: Any
+    support: float
+    inverse_support: float
+    gradient_scale: float
+    sampled: float
+    side_x: float
+    half_x: float
+    side_y: float
+    half_y: float
+    side_z: float
+    half_z: float
 
 
 @cache
-def _make_scales_of() -> Any:
+def _make_scales_of() -> Callable:
     @inlined("exact")
     def scales_of(p):
         return Scales(
@@ -59,7 +61,7 @@ def _make_scales_of() -> Any:
 
 
 @cache
-def make_offset(real: Any, math: str, repeats: frozenset[str]) -> Any:
+def make_offset(real: Real, math: str, repeats: frozenset[str]) -> Callable:
     """Make offset(p, q, parameters) -> (dx, dy, dz): vector from q to p (quads) [m], the shortest along periodic axes."""
     wrapped, inline = device_formulas(density, real, math).wrapped, inlined(math)
     along_x, along_y, along_z = "x" in repeats, "y" in repeats, "z" in repeats
@@ -113,7 +115,7 @@ def _make_steps() -> SimpleNamespace:
 
 
 @cache
-def _make_bits_within(real: Any, math: str, repeats: frozenset[str], solids: bool) -> Any:
+def _make_bits_within(real: Real, math: str, repeats: frozenset[str], solids: bool) -> Callable:
     """Make bits_within(k, p, e, end, position, parameters) -> (bits, first).
 
     The bits mark which particles from e to before `end`, WORD at most, are neighbours of particle k at p, one bit each
@@ -159,15 +161,15 @@ def _make_bits_within(real: Any, math: str, repeats: frozenset[str], solids: boo
 
 @cache
 def make_search(
-    real: Any,
+    real: Real,
     math: str,
     axes: int,
     neighbours: int,
     repeats: frozenset[str],
-    visit: Any,
-    begun: Any,
+    visit: Callable,
+    begun: Callable,
     solids: bool = False,
-) -> Any:
+) -> Callable:
     """Make search(k, p, position, parameters, key, numbers, begins, table, particles, lost, fluids).
 
     It returns (number of neighbours in the list of particle k at p, at most `neighbours`; sums over them); the others

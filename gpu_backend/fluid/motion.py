@@ -10,13 +10,12 @@ from __future__ import annotations
 
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from numba import cuda
 
 from softlab.gpu_backend.contact.colliders import make_collide
-from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernels, variant_name
+from softlab.gpu_backend.core.compile import Kernel, inlined, kernel_options, make_kernels, variant_name
 from softlab.gpu_backend.core.forces import make_particle_force
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.integers import COLLIDERS, make_clock
@@ -27,6 +26,7 @@ from softlab.gpu_backend.fluid.kernels import make_move, walk_options
 from softlab.gpu_backend.fluid.sort_kernels import make_box
 from softlab.gpu_backend.fluid.sums import List, make_row
 from softlab.gpu_backend.fluid.walls import make_settled
+from softlab.model.base.types import Real
 from softlab.model.fluid.parameters import (
     F_BUOYANCY,
     F_CHANGE,
@@ -42,7 +42,7 @@ SLOWED = 1  # index in `counts`
 
 
 @cache
-def make_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+def make_ends(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Make `answered` and `limited`.
 
     `answered(b, u, x, y, z, multiplier, fluids, at, world, number)` -> (x, y, z, vx, vy, vz): a particle that moved
@@ -95,7 +95,7 @@ def make_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
 
 
 @cache
-def make_begin(real: Any, math: str, parts: frozenset[str], repeats: frozenset[str]) -> Any:
+def make_begin(real: Real, math: str, parts: frozenset[str], repeats: frozenset[str]) -> Kernel:
     """Compile begin(position, velocity, particle, limit, record, fluids, bodies, integers, counter, place, substeps,
     substep, predicted, before, predicted_velocity, boxes, counts).
 
@@ -163,7 +163,7 @@ def make_begin(real: Any, math: str, parts: frozenset[str], repeats: frozenset[s
 
 
 @cache
-def make_settle(real: Any, math: str, parts: frozenset[str], repeats: frozenset[str]) -> SimpleNamespace:
+def make_settle(real: Real, math: str, parts: frozenset[str], repeats: frozenset[str]) -> SimpleNamespace:
     """Compile `settle`, `update` and `limit`.
 
     `settle(before, predicted_velocity, position, record, table, neighbour_counts, multipliers, constraints, gradients,

@@ -4,24 +4,24 @@ from __future__ import annotations
 
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from numba import cuda
 
-from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
+from softlab.gpu_backend.core.compile import Kernel, inlined, kernel_options, make_kernel, variant_name
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.quads import load_quad, store_quad
 from softlab.gpu_backend.fluid.extent import make_extent
 from softlab.gpu_backend.fluid.motion import make_ends
 from softlab.gpu_backend.fluid.sums import make_pair, make_row
+from softlab.model.base.types import Real
 from softlab.model.fluid.parameters import F_COHESION, F_CONFINEMENT, F_TENSION, F_VISCOSITY, F_WEIGHT
 from softlab.model.formulas.fluid import density, motion
 
 
 @cache
 def make_smoothing(
-    real: Any, math: str, parts: frozenset[str], repeats: frozenset[str], ends_there: bool
+    real: Real, math: str, parts: frozenset[str], repeats: frozenset[str], ends_there: bool
 ) -> SimpleNamespace:
     """Compile `shape` and `smooth`.
 
@@ -34,7 +34,7 @@ def make_smoothing(
 
 
 @cache
-def _make_shape(real: Any, math: str, parts: frozenset[str], repeats: frozenset[str]) -> Any:
+def _make_shape(real: Real, math: str, parts: frozenset[str], repeats: frozenset[str]) -> Kernel:
     formulas, sums = device_formulas(motion, real, math), device_formulas(density, real, math)
     inline, pair = inlined(math), make_pair(real, math, repeats)
     slope, gradient_added, speed_of, curl_added = (
@@ -79,7 +79,7 @@ def _make_shape(real: Any, math: str, parts: frozenset[str], repeats: frozenset[
 
 
 @cache
-def _make_pair_terms(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+def _make_pair_terms(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Make `add_forces` and `add_smooth`: the contribution of one neighbour."""
     formulas, inline = device_formulas(motion, real, math), inlined(math)
     near = device_formulas(density, real, math).near
@@ -117,7 +117,7 @@ def _make_pair_terms(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
 
 
 @cache
-def _make_smooth(real: Any, math: str, parts: frozenset[str], repeats: frozenset[str], ends_there: bool) -> Any:
+def _make_smooth(real: Real, math: str, parts: frozenset[str], repeats: frozenset[str], ends_there: bool) -> Kernel:
     formulas, terms, row = (
         device_formulas(motion, real, math),
         _make_pair_terms(real, math, parts),

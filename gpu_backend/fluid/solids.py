@@ -6,9 +6,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from numba import cuda
@@ -21,6 +21,7 @@ from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
 from softlab.gpu_backend.core.world import World
 from softlab.gpu_backend.fluid.kernels import WALL, make_relax, make_wall_terms
 from softlab.gpu_backend.fluid.sums import List, make_row
+from softlab.model.base.types import Real
 from softlab.model.fluid.among_solids import K_GRIP, K_LIGHTNESS, K_VOLUME
 from softlab.model.fluid.parameters import F_VISCOSITY, F_WEIGHT
 from softlab.model.fluid.samples import CORNERS
@@ -28,7 +29,7 @@ from softlab.model.formulas.fluid import density, solids
 
 
 @cache
-def make_sampling(real: Any, math: str) -> SimpleNamespace:
+def make_sampling(real: Real, math: str) -> SimpleNamespace:
     """Compile `sample`, `gather`, `follow` and `push`.
 
     `sample(number, fluids, corners, weights, began, solid, predicted, before, predicted_velocity)`; `gather(number,
@@ -83,7 +84,7 @@ def make_sampling(real: Any, math: str) -> SimpleNamespace:
 
 
 @cache
-def _make_solid_sums(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+def _make_solid_sums(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Make sums over the list of particle k at p (a quad): `sum_factor`, `sum_density`, `sum_correction`,
     `sum_friction`."""
     f, s_ = device_formulas(density, real, math), device_formulas(solids, real, math)
@@ -175,7 +176,7 @@ def _make_solid_sums(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
 
 
 @cache
-def make_solid_kernels(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+def make_solid_kernels(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Compile `factors`, `density` and `correct`.
 
     `factors(position, record, table, found, number, fluids, kinds, *relaxed, rows, *world)`; `density(position, record,
@@ -188,7 +189,7 @@ def make_solid_kernels(real: Any, math: str, parts: frozenset[str]) -> SimpleNam
     return make_kernels(kernels, name, **kernel_options(math))
 
 
-def _make_solid_densities(real: Any, math: str, parts: frozenset[str]) -> tuple[Any, Any]:
+def _make_solid_densities(real: Real, math: str, parts: frozenset[str]) -> tuple[Callable, Callable]:
     variant = real, math, parts
     factor_of, sums = device_formulas(density, real, math).factor, _make_solid_sums(*variant)
     relax, row, wall_terms = make_relax(*variant), make_row(parts), make_wall_terms(*variant)
@@ -237,7 +238,7 @@ def _make_solid_densities(real: Any, math: str, parts: frozenset[str]) -> tuple[
     return factors, density_
 
 
-def _make_solid_correction(real: Any, math: str, parts: frozenset[str]) -> Any:
+def _make_solid_correction(real: Real, math: str, parts: frozenset[str]) -> Callable:
     variant = real, math, parts
     f, sums, row = device_formulas(density, real, math), _make_solid_sums(*variant), make_row(parts)
     sum_correction, sum_friction, wall_added, moved = sums.sum_correction, sums.sum_friction, f.wall_added, f.moved

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from softlab.gpu_backend.core.device import simulated
+from softlab.gpu_backend.core.device import Arguments, DeviceArray, Stream, simulated
 from softlab.gpu_backend.core.launch import Graphs, can_capture
 from softlab.gpu_backend.core.quads import SIZE
 from softlab.gpu_backend.core.simulation import NOTHING_BAD
@@ -49,7 +49,7 @@ class Fluid(FluidSimulation, SubstepSimulation):
 
     samples: Samples | None = None  # of solids: further particles behind those of the fluids
 
-    def __init__(self, scene: Scene, options: Options, stream: Any = None):
+    def __init__(self, scene: Scene, options: Options, stream: Stream | None = None):
         super().__init__(scene, options, stream)
         self.kernel, among = launched_kernel(options.kernel, "fluids"), self.samples is not None
         self.plan = fluid_plan(scene, options.live, among)
@@ -138,7 +138,7 @@ class Fluid(FluidSimulation, SubstepSimulation):
 
     # ------------------------------------------------------------------ a step
 
-    def predict(self, current: int, time: tuple[Any, ...]) -> Particles:
+    def predict(self, current: int, time: Arguments) -> Particles:
         """Predict from the state `current`, into the other buffer and `corrected`. Returns (predicted, before, meant,
         numbers), unsorted. `time`: counter, place, substeps, substep."""
         other = 1 - current
@@ -157,7 +157,7 @@ class Fluid(FluidSimulation, SubstepSimulation):
         return self.cells.table, self.cells.neighbour_counts
 
     @property
-    def near(self) -> tuple[Any, ...]:
+    def near(self) -> Arguments:
         """The cells and their particles, and `lists`."""
         return self.cells.sorted_keys, self.cells.numbers, self.cells.begins, *self.lists
 
@@ -192,7 +192,7 @@ class Fluid(FluidSimulation, SubstepSimulation):
         if self.smoothing:
             self.smooth(position, self.predicted_velocity, velocity)
 
-    def smooth(self, position: Any, velocity: Any, into: Any) -> None:
+    def smooth(self, position: DeviceArray, velocity: DeviceArray, into: Any) -> None:
         """Apply the effects of neighbours to velocities; overwrites `before` and `sorted`."""
         assert self.smoothing is not None
         normals, curls = self.before, self.sorted
@@ -238,7 +238,7 @@ class Fluid(FluidSimulation, SubstepSimulation):
         self.multipliers.copy_to_device(np.zeros(self.particle_count, self.real), stream=self.stream)
         self.synchronize()
 
-    def _to_host(self, array: Any) -> np.ndarray:
+    def _to_host(self, array: DeviceArray) -> np.ndarray:
         """Return (particles, axes) an array in the scene's order."""
         quads, particle = self._quads(array), self.particle[self._current].copy_to_host(stream=self.stream)
         self.synchronize()

@@ -13,9 +13,9 @@ end return at once.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from numba import cuda
@@ -25,6 +25,7 @@ from softlab.gpu_backend.core.device import simulated
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
 from softlab.gpu_backend.core.scan import make_before, make_strips
+from softlab.model.base.types import Real
 from softlab.model.formulas.fluid import cells as grid
 
 THREADS = 32 if simulated() else 256  # of a block that reduces; the simulator runs each one as a Python thread
@@ -41,7 +42,7 @@ REALS = 2 * AXES
 
 
 @cache
-def make_box(real: Any) -> Any:
+def make_box(real: Real) -> Callable:
     """Make store_box(lx, ly, lz, hx, hy, hz, boxes): it writes the bounding box of a block's threads as a row of
     `boxes`; every thread of the block must call it."""
     size, threads, box = BOX * THREADS, np.int32(THREADS), np.int32(BOX)
@@ -69,7 +70,7 @@ def make_box(real: Any) -> Any:
     return store_box
 
 
-def _make_grid(real: Any, repeats: frozenset[str]) -> tuple[Any, ...]:
+def _make_grid(real: Real, repeats: frozenset[str]) -> tuple[Callable, ...]:
     """Make the kernels that compute the grid from a box."""
     store_box, cells = make_box(real), device_formulas(grid, real, "exact")
     cells_along, halved, fits = cells.cells_along, cells.halved, cells.fits
@@ -137,7 +138,7 @@ def _make_grid(real: Any, repeats: frozenset[str]) -> tuple[Any, ...]:
     return bound, span
 
 
-def _make_sort(real: Any, flows: bool) -> tuple[Any, ...]:
+def _make_sort(real: Real, flows: bool) -> tuple[Callable, ...]:
     """Make the kernels that count, sum up, and fill."""
     cell_of = device_formulas(grid, real, "exact").cell_of
     before, strips = make_before(THREADS), make_strips(THREADS)
@@ -214,7 +215,7 @@ def _make_sort(real: Any, flows: bool) -> tuple[Any, ...]:
 
 
 @cache
-def make_cell_sort(real: Any, repeats: frozenset[str], flows: bool = False) -> SimpleNamespace:
+def make_cell_sort(real: Real, repeats: frozenset[str], flows: bool = False) -> SimpleNamespace:
     """Compile `bound`, `span`, `hash_particles`, `chunks`, `totals`, `fill` and `arrange`, for blocks of THREADS.
 
     `repeats`: axes that are periodic; `flows`: particles with the key -1 are left out.

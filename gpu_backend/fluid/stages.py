@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from softlab.gpu_backend.core.device import Arguments
 from softlab.gpu_backend.fluid.cells import Particles
 from softlab.model.core.plan import Moment, StageRun
 
@@ -26,10 +27,10 @@ def bind_fluid_stages(sim: Any) -> Bound:
     state, velocity, start = sim.position[0], sim.velocity[0], sim.on_device(np.zeros(1, np.int64))
     now: dict[str, Any] = {"given": (), "position": sim.sorted, "other": sim.corrected}
 
-    def world(moment: Moment) -> tuple[Any, ...]:
+    def world(moment: Moment) -> Arguments:
         return sim.bodies, sim.integers, *time(moment)
 
-    def time(moment: Moment) -> tuple[Any, ...]:
+    def time(moment: Moment) -> Arguments:
         return start, np.int64(moment.step), np.int64(moment.substeps), np.int64(moment.substep)
 
     def emit(moment: Moment) -> None:

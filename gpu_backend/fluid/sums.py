@@ -7,6 +7,7 @@ change of its multiplier, so that `correct` reads all about a neighbour in one l
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
 from typing import Any, NamedTuple
@@ -14,9 +15,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from softlab.gpu_backend.core.compile import inlined
+from softlab.gpu_backend.core.device import DeviceArray
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.quads import load_quad
 from softlab.gpu_backend.fluid.lists import make_offset
+from softlab.model.base.types import Real
 from softlab.model.fluid.parameters import F_WEIGHT, FLUID_FIELDS
 from softlab.model.formulas.fluid import density
 
@@ -24,20 +27,20 @@ from softlab.model.formulas.fluid import density
 class List(NamedTuple):
     """The list of one particle: neighbour s of `count` is at index k + s * particles of `table`."""
 
-    table: Any
-    count: Any
-    particles: Any
+    table: DeviceArray
+    count: Any  # as a number it would hide the tuple's method
+    particles: np.int32
 
 
 class Weights(NamedTuple):
     """Rows of fluids, and the weight of the first one, which applies to all if they are alike."""
 
-    rows: Any
-    weight: Any
+    rows: DeviceArray
+    weight: float
 
 
 @cache
-def make_row(parts: frozenset[str]) -> Any:
+def make_row(parts: frozenset[str]) -> Callable:
     """Make row(fluid): the offset of the row of a fluid, a quad's fourth number; 0 if all are alike."""
     several, fields = "fluids" in parts, np.int32(FLUID_FIELDS)
 
@@ -49,7 +52,7 @@ def make_row(parts: frozenset[str]) -> Any:
     return inlined("exact")(row)
 
 
-def make_over_list(math: str, added: Any, begun: Any) -> Any:
+def make_over_list(math: str, added: Callable, begun: float | tuple[float, ...]) -> Callable:
     """Make over_list(k, p, position, near_by, fluids, parameters): it adds each neighbour of particle k at p to
     `begun`.
 
@@ -96,7 +99,7 @@ def make_over_list(math: str, added: Any, begun: Any) -> Any:
 
 
 @cache
-def make_pair(real: Any, math: str, repeats: frozenset[str]) -> Any:
+def make_pair(real: Real, math: str, repeats: frozenset[str]) -> Callable:
     """Make pair(k, p, j, q, parameters) -> (dx, dy, dz, squared) of two particles, separated if they coincide."""
     formulas, inline, offset = (
         device_formulas(density, real, math),
@@ -114,7 +117,7 @@ def make_pair(real: Any, math: str, repeats: frozenset[str]) -> Any:
     return pair
 
 
-def _make_added(real: Any, math: str, parts: frozenset[str], repeats: frozenset[str]) -> SimpleNamespace:
+def _make_added(real: Real, math: str, parts: frozenset[str], repeats: frozenset[str]) -> SimpleNamespace:
     """Make functions that add neighbour j at q to sums of particle k at p, for `make_over_list`."""
     f, inline, offset, row = (
         device_formulas(density, real, math),
@@ -161,7 +164,7 @@ def _make_added(real: Any, math: str, parts: frozenset[str], repeats: frozenset[
 
 
 @cache
-def make_sums(real: Any, math: str, parts: frozenset[str], repeats: frozenset[str]) -> SimpleNamespace:
+def make_sums(real: Real, math: str, parts: frozenset[str], repeats: frozenset[str]) -> SimpleNamespace:
     """Make the sums of particle k at p over its list.
 
     `sum_factor(k, p, position, list, wall, fluids, parameters)`; `sum_density(k, p, position, list, parameters)`;

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from numba import cuda
@@ -12,11 +11,12 @@ from numba import cuda
 from softlab.gpu_backend.core.compile import make_kernels, variant_name
 from softlab.gpu_backend.core.quads import load_quad
 from softlab.gpu_backend.fluid.extent import FLOWS, make_extent
+from softlab.model.base.types import Real
 from softlab.model.geometry.particle_row import PARKED
 
 
 @cache
-def make_fluid_tools(real: Any, axes: int, parts: frozenset[str]) -> SimpleNamespace:
+def make_fluid_tools(real: Real, axes: int, parts: frozenset[str]) -> SimpleNamespace:
     """Compile `count(counter, steps)`, `first_diverged(position, velocity, particle, bound, x, y, z, result)`,
     `write_position(position, particle, out)` and, for emitters and sinks, `park(there, out)`, which must run before it.
     `particle`: the particles' numbers."""

@@ -3,6 +3,7 @@ rebound from walls."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from typing import Any
 
@@ -30,12 +31,13 @@ from softlab.gpu_backend.contact.rows import (
 from softlab.gpu_backend.core.compile import inlined
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.integers import BOXES, CAPSULES, FIELDS, MESHES, PLANES, SPHERES
+from softlab.model.base.types import Real
 from softlab.model.formulas import cloth, colliders
 from softlab.model.formulas.fluid import density, impact, surfaces
 
 
 @cache
-def make_walls(real: Any, math: str, parts: frozenset[str]) -> Any:
+def make_walls(real: Real, math: str, parts: frozenset[str]) -> Callable:
     """Make walls(p, world, step) -> (density, gx, gy, gz).
 
     It returns what all colliders that are walls contribute to the constraint of a particle at p (a quad), at the end of
@@ -64,7 +66,7 @@ def make_walls(real: Any, math: str, parts: frozenset[str]) -> Any:
     return walls
 
 
-def _make_each_wall(real: Any, math: str, parts: frozenset[str], visit: Any) -> Any:
+def _make_each_wall(real: Real, math: str, parts: frozenset[str], visit: Callable) -> Callable:
     """Make each(so_far, p, world, step, arguments): it applies visit(so_far, surface, bodies, at, end, parameters, turns,
     given) to four numbers, collider by collider.
 
@@ -123,7 +125,7 @@ def _make_each_wall(real: Any, math: str, parts: frozenset[str], visit: Any) -> 
 
 
 @cache
-def make_settled(real: Any, math: str, parts: frozenset[str]) -> Any:
+def make_settled(real: Real, math: str, parts: frozenset[str]) -> Callable:
     """Make settled(q, v, u, multiplier, weight, world, step): v without the rebound from walls.
 
     q, v, u: three numbers each, the position after the walls, the velocity, and that before corrections
@@ -162,12 +164,12 @@ def make_settled(real: Any, math: str, parts: frozenset[str]) -> Any:
     return settled
 
 
-def surfaces_of(real: Any, math: str) -> tuple[Any, Any]:
+def surfaces_of(real: Real, math: str) -> tuple[Any, Any]:
     """Make (mesh, field)(p, bodies, at, time, parameters) -> (distance, nx, ny, nz) of a particle at p (a quad) from a
     collider made from a mesh, whose row begins at `at`."""
     formulas, inline = device_formulas(surfaces, real, math), inlined(math)
 
-    def of(away: Any) -> Any:
+    def of(away: Callable) -> Callable:
         @inline
         def surface(p, bodies, at, time, parameters):
             path = (

@@ -14,6 +14,7 @@ from typing import Any
 
 from numba import cuda
 
+from softlab.gpu_backend.core.device import Stream
 from softlab.model.base.errors import BackendUnavailable
 
 MOST_BANDS = 4  # besides those at cut edges: with three, one is ready whenever blocks end
@@ -47,7 +48,7 @@ def urgent_stream() -> Any:
     return cuda.external_stream(int(stream))
 
 
-def close_stream(stream: Any) -> None:
+def close_stream(stream: Stream) -> None:
     """End a stream of `urgent_stream`, after its work is done."""
     from cuda.bindings import runtime
 
@@ -61,7 +62,7 @@ class Bands:
     `above`, `below`: true if the first and the last band are at cut edges, whose blocks have priority.
     """
 
-    def __init__(self, stream: Any, cuts: tuple[int, ...], above: bool = False, below: bool = False):
+    def __init__(self, stream: Stream, cuts: tuple[int, ...], above: bool = False, below: bool = False):
         api: Any = cuda
         self.cuts, self._stream = cuts, stream
         count = len(cuts) - 1

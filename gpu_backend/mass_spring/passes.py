@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from softlab.gpu_backend.core.device import Arguments
 from softlab.gpu_backend.core.simulation import CudaSimulation
 from softlab.gpu_backend.core.tiling import Tile
 from softlab.model.base.errors import BackendUnavailable
@@ -27,7 +28,7 @@ class SheetPasses(CudaSimulation):
     _tiles: Any = None
 
     @abstractmethod
-    def _constants(self, number: int) -> tuple[Any, ...]:
+    def _constants(self, number: int) -> Arguments:
         """Return the arguments of a pass besides the buffers; `number`: its number after the step counter."""
 
     def _pass(self, name: str, number: int) -> None:
@@ -63,7 +64,7 @@ class SheetPasses(CudaSimulation):
                 source = target
 
     def _many(self, count: int) -> None:
-        """Do `count` equal passes (steps of RK4), in the kernel's own variant."""
+        """Launch `count` equal passes (steps of RK4) with the chosen kernel."""
         if self._tiles is None and self.kernel != "one-block":
             self._repeat(count, self._launch, 1)
             return
@@ -115,7 +116,7 @@ class TileLaunches:
         self.simulation, self.kernel, self.tile, self._epoch = simulation, kernel, tile, 0
 
     @abstractmethod
-    def _arguments(self, number: int, passes: int) -> tuple[Any, ...]:
+    def _arguments(self, number: int, passes: int) -> Arguments:
         """Return the kernel's arguments for `passes` passes, the first of which is `number` after the step counter."""
 
     def launch(self, number: int, passes: int) -> None:

@@ -6,13 +6,14 @@ both ends of a constraint; no two of a colour share a mass.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
-from typing import Any
 
 from softlab.gpu_backend.core.compile import inlined
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.quads import load_quad, store_quad
 from softlab.model.base.tuples import reader
+from softlab.model.base.types import Real
 from softlab.model.contact.substep_parameters import (
     CONSTANTS,
     OF_SHEETS,
@@ -34,7 +35,7 @@ def compliant(parts: frozenset[str], family: Family) -> bool:
 
 
 @cache
-def make_constants(math: str) -> Any:
+def make_constants(math: str) -> Callable:
     """Make constants(parameters): for each of `OF_SHEETS` its `CONSTANTS` by name, read once."""
     inline = inlined(math)
     of_kind = [reader(CONSTANTS, inline, f"constraint_{kind}_") for kind in OF_SHEETS]
@@ -43,7 +44,7 @@ def make_constants(math: str) -> Any:
 
 
 @cache
-def make_change(real: Any, math: str, parts: frozenset[str], kind: str, axes: int) -> Any:
+def make_change(real: Real, math: str, parts: frozenset[str], kind: str, axes: int) -> Callable:
     """Make change(d, e, reciprocal, multiplier, rest, compliance, damping) -> (change, its scale) of one of a kind's
     constraints: d is the vector between its ends, e its change in this substep."""
     formulas = device_formulas(distance, real, math)
@@ -68,7 +69,7 @@ def make_change(real: Any, math: str, parts: frozenset[str], kind: str, axes: in
 
 
 @cache
-def make_pair(real: Any, math: str, parts: frozenset[str], family: Family, colour: int, axes: int) -> Any:
+def make_pair(real: Real, math: str, parts: frozenset[str], family: Family, colour: int, axes: int) -> Callable:
     """Make pair(position, before, a, b, multiplier, constants): it projects the constraint between the masses at
     indices a (the first) and b of both arrays, moves both in `position`, and returns the new multiplier."""
     kind = "stiff" if "alternating" in parts and family.kind == "structural" and colour else family.kind

@@ -18,11 +18,12 @@ from softlab.gpu_backend.core.compile import inlined
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.quads import load_quad
 from softlab.gpu_backend.position_based.constraints import KINDS, make_change
+from softlab.model.base.types import Real
 from softlab.model.contact.substep_parameters import OF_SHEETS
 from softlab.model.formulas import distance
 
 
-def _make_pulls(real: Any, math: str, parts: frozenset[str], axes: int) -> Any:
+def _make_pulls(real: Real, math: str, parts: frozenset[str], axes: int) -> Callable:
     """Make make_pull(kind, number) -> pull(other, odd, those), the displacement by one constraint of a kind; `odd`:
     true if it begins in an odd row or column."""
     formulas = device_formulas(distance, real, math)
@@ -31,7 +32,7 @@ def _make_pulls(real: Any, math: str, parts: frozenset[str], axes: int) -> Any:
     soft = [kind for kind in KINDS if f"{kind}-compliance" in parts]
     inline = inlined(math)
 
-    def make_pull(kind: str, number: int) -> Any:
+    def make_pull(kind: str, number: int) -> Callable:
         kind_index, odd_kind = OF_SHEETS.index(kind), OF_SHEETS.index("stiff")
         can_alternate = alternates and kind == "structural"
         has_compliance, has_damper = kind in soft, f"{kind}-damping" in parts
@@ -76,7 +77,7 @@ def _make_pulls(real: Any, math: str, parts: frozenset[str], axes: int) -> Any:
     return make_pull
 
 
-def _make_neighbour_sum(real: Any, math: str, parts: frozenset[str], make_pull: Callable[[str, int], Any]) -> Any:
+def _make_neighbour_sum(real: Real, math: str, parts: frozenset[str], make_pull: Callable[[str, int], Any]) -> Callable:
     """Make total(k, pitch, cell, those) -> (x, y, z): the displacement of a mass by its neighbours.
 
     Summed by kind in pairs, (structural + shear) + bending; `those`: further arguments of pulls. See `make_gather`.
@@ -114,7 +115,7 @@ def _make_neighbour_sum(real: Any, math: str, parts: frozenset[str], make_pull: 
             k + two * pitch if i < rows - 2 else k, k - two * pitch if i > 1 else k,
         )  # fmt: skip
 
-    def make_sum(kind: str, places_of: Any) -> Any:
+    def make_sum(kind: str, places_of: Callable) -> Callable:
         first, second, third, fourth = (make_pull(kind, n) for n in range(4))
 
         @inline
@@ -152,7 +153,7 @@ def _make_neighbour_sum(real: Any, math: str, parts: frozenset[str], make_pull: 
 
 
 @cache
-def make_gather(real: Any, math: str, parts: frozenset[str], axes: int) -> SimpleNamespace:
+def make_gather(real: Real, math: str, parts: frozenset[str], axes: int) -> SimpleNamespace:
     """Make the device functions of Jacobi orderings:
 
     - `valence_of(cell)`: number of constraints of a mass; `weight_of(valence, weight)`: its fourth number;

@@ -9,13 +9,12 @@ from __future__ import annotations
 
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from numba import cuda
 
 from softlab.gpu_backend.contact.motion import make_motion
-from softlab.gpu_backend.core.compile import kernel_options, make_kernel, variant_name
+from softlab.gpu_backend.core.compile import Kernel, kernel_options, make_kernel, variant_name
 from softlab.gpu_backend.core.integers import make_clock
 from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
 from softlab.gpu_backend.core.sheet import BLOCK, make_place
@@ -24,6 +23,7 @@ from softlab.gpu_backend.core.world import Cell, World
 from softlab.gpu_backend.position_based.constraints import compliant, make_constants, make_pair
 from softlab.gpu_backend.position_based.gather import make_gather
 from softlab.gpu_backend.position_based.point import make_accelerations, make_tethers
+from softlab.model.base.types import Real
 from softlab.model.position_based.plan import JACOBI, Family, families
 
 
@@ -48,7 +48,7 @@ def multiplier_planes(parts: frozenset[str]) -> int:
 
 
 @cache
-def make_begin(real: Any, math: str, parts: frozenset[str], axes: int) -> Any:
+def make_begin(real: Real, math: str, parts: frozenset[str], axes: int) -> Kernel:
     """Compile begin(position, velocity, predicted, record, integers, counter, place, substeps, substep, rows, columns):
     it predicts the positions that constraints start from, from the state at the start of the substep."""
     accelerate = make_accelerations(real, math, parts).accelerate
@@ -81,7 +81,9 @@ def make_begin(real: Any, math: str, parts: frozenset[str], axes: int) -> Any:
 
 
 @cache
-def make_colour(real: Any, math: str, parts: frozenset[str], family: Family, colour: int, axes: int) -> Any:
+def make_colour(
+    real: Real, math: str, parts: frozenset[str], family: Family, colour: int | np.int32, axes: int
+) -> Kernel:
     """Compile project(position, before, multipliers, plane, fresh, record, rows, columns): all constraints of a colour.
 
     `plane`: the number of the family's plane of multipliers, which count as 0 if `fresh`, in a substep's first
@@ -119,7 +121,7 @@ def make_colour(real: Any, math: str, parts: frozenset[str], family: Family, col
 
 
 @cache
-def make_jacobi(real: Any, math: str, parts: frozenset[str], axes: int) -> Any:
+def make_jacobi(real: Real, math: str, parts: frozenset[str], axes: int) -> Kernel:
     """Compile project_all(position, before, target, multipliers, fresh, record, rows, columns): one Jacobi
     iteration."""
     jacobi, constants = make_gather(real, math, parts, axes), make_constants(math)
@@ -148,7 +150,7 @@ def make_jacobi(real: Any, math: str, parts: frozenset[str], axes: int) -> Any:
 
 
 @cache
-def make_attach(real: Any, math: str) -> Any:
+def make_attach(real: Real, math: str) -> Kernel:
     """Compile attach(position, before, anchors, reaches, count): the `count` long-range attachments of every mass; its
     weight is read in `before`."""
     tether_mass = make_tethers(real, math)
@@ -164,7 +166,7 @@ def make_attach(real: Any, math: str) -> Any:
 
 
 @cache
-def make_end(real: Any, math: str, parts: frozenset[str], axes: int) -> Any:
+def make_end(real: Real, math: str, parts: frozenset[str], axes: int) -> Kernel:
     """Compile end(before, position, velocity, record, bodies, integers, counter, place, substeps, substep): velocities
     of a substep, then its colliders."""
     settle, clock = make_motion(real, math, parts, axes).settle, make_clock(math, parts)
@@ -184,7 +186,7 @@ def make_end(real: Any, math: str, parts: frozenset[str], axes: int) -> Any:
 
 
 @cache
-def make_plane_tools(real: Any) -> SimpleNamespace:
+def make_plane_tools(real: Real) -> SimpleNamespace:
     """Compile `write_position(position, out)`: both axes of a grid's quads, for drawing."""
 
     def write_position(position, out):

@@ -17,7 +17,7 @@ from numba import cuda
 
 from softlab.gpu_backend.contact.pins import make_drive
 from softlab.gpu_backend.core.constraints import device_corners, make_projections, places
-from softlab.gpu_backend.core.device import simulated
+from softlab.gpu_backend.core.device import Arguments, DeviceArray, Stream, simulated
 from softlab.gpu_backend.core.driven import DrivenSimulation
 from softlab.gpu_backend.core.forces import forces_of
 from softlab.gpu_backend.core.launch import Graphs, can_capture
@@ -49,7 +49,7 @@ class MeshPositionBased(DrivenSimulation, SubstepSimulation):
 
     what, named = "a mesh", "mesh"
 
-    def __init__(self, scene: Scene, options: Options, stream: Any = None):
+    def __init__(self, scene: Scene, options: Options, stream: Stream | None = None):
         super().__init__(scene, options, stream)
         self.plan = self._plan_of(scene, options.live)
         self.kernel, self.threads = self._choose_kernel(options.kernel), THREADS
@@ -160,7 +160,7 @@ class MeshPositionBased(DrivenSimulation, SubstepSimulation):
 
     # ------------------------------------------------------------------ a step
 
-    def _drive(self, position: Any, velocity: Any, time: tuple[Any, ...]) -> None:
+    def _drive(self, position: DeviceArray, velocity: DeviceArray, time: Arguments) -> None:
         """Launch the motion of driven pins to a substep's end, if there are any; `time`: counter, place, substeps,
         substep."""
         if self._pins is not None:
@@ -170,24 +170,24 @@ class MeshPositionBased(DrivenSimulation, SubstepSimulation):
                 position, velocity, self.record, self.bodies, self.driven, *first, *time
             )
 
-    def _brake(self, velocity: Any) -> None:
-        """Launch the damping of bodies with their own damping rate."""
+    def _brake(self, velocity: DeviceArray) -> None:
+        """Launch the damping of bodies that have a damping rate."""
         if self._slow is not None:
             self._slow[self._flat](velocity, self._rates, self.record)
 
-    def _touch(self, before: Any, position: Any, time: tuple[Any, ...]) -> None:
+    def _touch(self, before: DeviceArray, position: DeviceArray, time: Arguments) -> None:
         """Launch the colliders before an iteration."""
         if self._touching is not None:
             self._touching.touch[self._flat](
                 before, position, self._pushes, self.record, self.bodies, self.integers, *time
             )
 
-    def _release(self, position: Any) -> None:
+    def _release(self, position: DeviceArray) -> None:
         """Launch the end of colliders within iterations."""
         if self._touching is not None:
             self._touching.release[self._flat](position, self._pushes)
 
-    def _when(self, place: int, substep: int) -> tuple[Any, ...]:
+    def _when(self, place: int, substep: int) -> Arguments:
         """Return the arguments of kernels about the time of a substep."""
         return self._counter, np.int64(place), np.int64(self.scene.method.substeps), np.int64(substep)
 
@@ -282,5 +282,5 @@ class MeshPositionBased(DrivenSimulation, SubstepSimulation):
             self.contacts.change(self.scene)
         super()._parameters_changed()
 
-    def _normal_arguments(self) -> tuple[Any, ...]:
+    def _normal_arguments(self) -> Arguments:
         return tuple(self._surface)

@@ -5,24 +5,25 @@ Velocities and colliders are the sheets' (kernels.py); constraints are in core/c
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
-from typing import Any
 
 import numpy as np
 from numba import cuda
 
 from softlab.gpu_backend.contact.motion import make_motion
-from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
+from softlab.gpu_backend.core.compile import Kernel, inlined, kernel_options, make_kernel, variant_name
 from softlab.gpu_backend.core.forces import make_forces
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.integers import make_clock
 from softlab.gpu_backend.core.quads import AXES, SIZE, load_quad, store_quad
 from softlab.gpu_backend.core.wind import make_block_air
+from softlab.model.base.types import Real
 from softlab.model.formulas import cloth, distance, wind
 
 
 @cache
-def make_vertex_wind(real: Any, math: str) -> Any:
+def make_vertex_wind(real: Real, math: str) -> Callable:
     """Make wind_of(position, velocity, k, offsets, at_vertex, corners, parameters, air): the wind over the sheet's mass
     [m/s^2] on vertex k, the sum over its triangles in their order."""
     triangle_wind = device_formulas(wind, real, math).triangle_wind
@@ -54,7 +55,7 @@ def make_vertex_wind(real: Any, math: str) -> Any:
 
 
 @cache
-def make_mesh_begin(real: Any, math: str, parts: frozenset[str]) -> Any:
+def make_mesh_begin(real: Real, math: str, parts: frozenset[str]) -> Kernel:
     """Compile begin(position, velocity, predicted, offsets, at_vertex, corners, record, integers, counter, place,
     substeps, substep): it predicts the positions that constraints start from, from the state at the start of the
     substep."""
@@ -85,12 +86,12 @@ def make_mesh_begin(real: Any, math: str, parts: frozenset[str]) -> Any:
 
 
 @cache
-def make_slow(real: Any, math: str) -> Any:
+def make_slow(real: Real, math: str) -> Kernel:
     """Compile slow(velocity, rates, record): velocities after a substep of dampers of `rates` (particles,) [1/s]."""
     slowed = device_formulas(distance, real, math).slowed
 
     def slow(velocity, rates, record):
-        k = np.int32(cuda.grid(1))  # type: ignore[call-arg]
+        k = np.int32(cuda.grid(1))
         if k < velocity.size // SIZE:
             v, h = load_quad(velocity, k), record[0].dt
             store_quad(

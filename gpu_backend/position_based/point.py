@@ -6,20 +6,21 @@ Masses are quads: x, y, z and the weight w, 0 if pinned, 1, or the sheet's mass 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 from softlab.gpu_backend.core.compile import inlined
 from softlab.gpu_backend.core.forces import make_forces
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.quads import load_quad
 from softlab.gpu_backend.core.wind import make_wind
+from softlab.model.base.types import Real
 from softlab.model.formulas import distance, lengths
 
 
 @cache
-def make_accelerations(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+def make_accelerations(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Make the accelerations of a sheet's mass without constraints, each -> (ax, ay, az) [m/s^2]: `add_wind(a,
     ...)`; and `accelerate`, wind and own forces."""
     forces, wind_sum = make_forces(real, math, parts), make_wind(real, math, parts).wind_sum
@@ -44,7 +45,7 @@ def make_accelerations(real: Any, math: str, parts: frozenset[str]) -> SimpleNam
 
 
 @cache
-def make_tethers(real: Any, math: str) -> Any:
+def make_tethers(real: Real, math: str) -> Callable:
     """Make tether_mass(p, weight, position, anchors, reaches, first, count) -> (x, y, z): the position after the
     long-range attachments of one mass, the nearest first.
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from numba import cuda
@@ -17,11 +16,12 @@ from softlab.gpu_backend.core.wind import make_block_air
 from softlab.gpu_backend.core.world import Cell, World
 from softlab.gpu_backend.position_based.gather import make_gather
 from softlab.gpu_backend.position_based.point import make_accelerations
+from softlab.model.base.types import Real
 from softlab.model.position_based.plan import JACOBI
 
 
 @cache
-def make_xpbd_stages(real: Any, math: str, parts: frozenset[str], axes: int) -> SimpleNamespace:
+def make_xpbd_stages(real: Real, math: str, parts: frozenset[str], axes: int) -> SimpleNamespace:
     """Compile the stages of single masses: wind, prediction, velocity, colliders. core/forces.py has other forces."""
     forces, motion = make_accelerations(real, math, parts), make_motion(real, math, parts, axes)
     add_wind = forces.add_wind

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from numba import cuda
@@ -14,10 +13,11 @@ from softlab.gpu_backend.core.compile import kernel_options, make_kernels, varia
 from softlab.gpu_backend.core.integers import make_clock
 from softlab.gpu_backend.core.quads import AXES, SIZE, load_quad, store_quad
 from softlab.gpu_backend.core.world import World
+from softlab.model.base.types import Real
 
 
 @cache
-def make_touching(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+def make_touching(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Compile `touch` and `release`.
 
     `touch(before, position, pushes, record, bodies, integers, counter, place, substeps, substep)`: positions after
@@ -30,7 +30,7 @@ def make_touching(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespac
 
     def touch(before, position, pushes, record, bodies, integers, counter, place, substeps, substep):
         world = World(record[0], bodies, integers)
-        k = np.int32(cuda.grid(1))  # type: ignore[call-arg]
+        k = np.int32(cuda.grid(1))
         if k < position.size // SIZE:
             _, number = clock(counter, place, substeps, substep)
             b, p = load_quad(before, k), load_quad(position, k)
@@ -43,7 +43,7 @@ def make_touching(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespac
                 store_quad(pushes, k, x - p[0], y - p[1], z - p[2], zero)
 
     def release(position, pushes):
-        k = np.int32(cuda.grid(1))  # type: ignore[call-arg]
+        k = np.int32(cuda.grid(1))
         if k < position.size // SIZE:
             p, q = load_quad(position, k), load_quad(pushes, k)
             store_quad(position, k, p[0] - q[0], p[1] - q[1], p[2] - q[2], p[3])

@@ -5,22 +5,22 @@ from __future__ import annotations
 
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from numba import cuda
 
 from softlab.gpu_backend.contact.particles_bounce import make_lack
-from softlab.gpu_backend.core.compile import kernel_options, make_kernel, make_kernels, variant_name
+from softlab.gpu_backend.core.compile import Kernel, kernel_options, make_kernel, make_kernels, variant_name
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.quads import ROWS, SIZE, load_quad, store_quad
+from softlab.model.base.types import Real
 from softlab.model.contact.particle_parameters import H_INVERSE_SUBSTEP, H_RESTITUTION, MAX_NEIGHBOURS
 from softlab.model.formulas import particle_contact
 from softlab.model.formulas.shape_matching import rebound
 
 
 @cache
-def make_give(real: Any, math: str, self_contact: bool, many: bool, scaled: bool) -> Any:
+def make_give(real: Real, math: str, self_contact: bool, many: bool, scaled: bool) -> Kernel:
     """Compile give(position, old, velocity, neighbour_counts, neighbours, record, body, kind, kinds, touching, travel,
     pressed, scales, impulses).
 
@@ -76,7 +76,7 @@ def make_give(real: Any, math: str, self_contact: bool, many: bool, scaled: bool
 
 
 @cache
-def make_bodies_bounce(real: Any, math: str) -> SimpleNamespace:
+def make_bodies_bounce(real: Real, math: str) -> SimpleNamespace:
     """Compile `spread(particle_starts, particle_clusters, limits, motions, scales)`, each particle's scale, that of its
     body, 1 without one, and `join(position, velocity, impulses, particle_starts, particle_clusters, limits, motions)`.
 

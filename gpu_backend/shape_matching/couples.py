@@ -5,16 +5,17 @@ from __future__ import annotations
 
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from numba import cuda
 
 from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernels, variant_name
+from softlab.gpu_backend.core.device import Arguments, DeviceArray, Stream
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
 from softlab.gpu_backend.shape_matching.kernels import PITCH, THREADS, TOGETHER, make_lane_sum
 from softlab.model.assets.clusters import Clusters
+from softlab.model.base.types import Real
 from softlab.model.formulas.shape_matching import couple, pace, rigid
 from softlab.model.formulas.shape_matching.cluster import LANES
 from softlab.model.formulas.shape_matching.couple import SUMS
@@ -24,7 +25,7 @@ QUADS = 2  # per cluster: its centre, its turn
 
 
 @cache
-def make_couples(real: Any, math: str, has_rigid: bool) -> SimpleNamespace:
+def make_couples(real: Real, math: str, has_rigid: bool) -> SimpleNamespace:
     """Compile `gather` and `turn`.
 
     `gather(position, couples, starts, firsts, indices, members, leans, spins)`: the turns of all clusters, in blocks of
@@ -124,20 +125,20 @@ class Couples:
     launches = 2  # of `turn`
 
     def __init__(
-        self, clusters: Clusters, arrays: tuple[Any, ...], particles: int, parts: frozenset[str], real: Any, math: str,
-        stream: Any,
+        self, clusters: Clusters, arrays: tuple[Arguments, DeviceArray, Arguments], particles: int, parts: frozenset[str],
+        real: Real, math: str, stream: Stream,
     ):  # fmt: skip
         self._entries, self._leans, self._gathered = arrays
         particle_order = clusters.of_particle[1]
         self._blocks = max(1, -(-clusters.count // TOGETHER)), THREADS, stream
         self._flat = max(1, -(-particles // THREADS)), THREADS, stream
-        zeros = np.zeros(SIZE * particles, real), np.zeros(QUADS * SIZE * clusters.count, real)
+        zeros: tuple[np.ndarray, ...] = np.zeros(SIZE * particles, real), np.zeros(QUADS * SIZE * clusters.count, real)
         self.sums, self._spins, self._weights = (
             cuda.to_device(array, stream=stream) for array in (*zeros, clusters.weights[particle_order].astype(real))
         )
         self._kernels = make_couples(real, math, "rigid-motion" in parts)
 
-    def turn(self, position: Any, travel: Any) -> None:
+    def turn(self, position: DeviceArray, travel: DeviceArray) -> None:
         """Turn particles after the substep's contacts are projected; `travel`: of rigid bodies, or None."""
         self._kernels.gather[self._blocks](position, self.sums, *self._entries, self._leans, self._spins)
         arguments = position, self.sums, *self._gathered, self._weights, self._spins

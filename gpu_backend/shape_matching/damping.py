@@ -4,20 +4,21 @@ of sums."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from numba import cuda
 
 from softlab.gpu_backend.contact.motion import make_motion
-from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernel, make_kernels, variant_name
+from softlab.gpu_backend.core.compile import Kernel, inlined, kernel_options, make_kernel, make_kernels, variant_name
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.integers import make_clock
 from softlab.gpu_backend.core.quads import AXES, ROWS, SIZE, load_quad, store_quad
 from softlab.gpu_backend.core.world import World
 from softlab.gpu_backend.shape_matching.kernels import PITCH, TOGETHER, make_lane_sum, make_move
+from softlab.model.base.types import Real
 from softlab.model.formulas.shape_matching import pace
 from softlab.model.formulas.shape_matching.cluster import LANES
 from softlab.model.formulas.shape_matching.pace import MOMENTA
@@ -26,7 +27,7 @@ SHARED = TOGETHER * MOMENTA * PITCH  # numbers per block
 
 
 @cache
-def make_gather(real: Any, math: str) -> Any:
+def make_gather(real: Real, math: str) -> Kernel:
     """Compile gather(position, velocity, starts, firsts, indices, members, leans, motions): the rigid motions of all
     clusters, in blocks of THREADS. `motions`: three quads each, the centre, the velocity there, the spin."""
     formulas, lane_sum = device_formulas(pace, real, math), make_lane_sum(real, math)
@@ -87,7 +88,7 @@ def make_gather(real: Any, math: str) -> Any:
 
 
 @cache
-def make_slow(real: Any, math: str) -> Any:
+def make_slow(real: Real, math: str) -> Callable:
     """Make slow_mass(p, v, k, particle_starts, particle_clusters, slowing, motions) -> (vx, vy, vz): particle k at p with
     velocity v."""
     slowed, zero, one = device_formulas(pace, real, math).slowed, real(0), np.int32(1)
@@ -108,7 +109,7 @@ def make_slow(real: Any, math: str) -> Any:
 
 
 @cache
-def make_damping_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+def make_damping_ends(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Compile the kernels that end a substep with damped clusters, before and after `gather`: `rate`, `slow`, `finish`.
 
     `rate(before, position, velocity, particle_starts, particle_clusters, particle_members, frames, parameters)`: the

@@ -7,9 +7,9 @@ factor), a cluster's frame three of them: a row of its rotation and its centre a
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from numba import cuda
@@ -21,6 +21,7 @@ from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.integers import make_clock
 from softlab.gpu_backend.core.quads import AXES, ROWS, SIZE, load_quad, store_quad
 from softlab.gpu_backend.core.world import World
+from softlab.model.base.types import Real
 from softlab.model.formulas import rotation as formulas_of_rotation
 from softlab.model.formulas.shape_matching import cluster
 from softlab.model.formulas.shape_matching.cluster import LANES, MOMENTS
@@ -32,7 +33,7 @@ SHARED = TOGETHER * MOMENTS * PITCH  # numbers per block
 
 
 @cache
-def make_lane_sum(real: Any, math: str) -> Any:
+def make_lane_sum(real: Real, math: str) -> Callable:
     """Make lane_sum(shared, k): the sum of the LANES numbers from index `k` on, in the fixed order of `cluster.total`."""
     total = device_formulas(cluster, real, math).total
 
@@ -48,7 +49,7 @@ def make_lane_sum(real: Any, math: str) -> Any:
 
 
 @cache
-def make_bodies_clusters(real: Any, math: str) -> SimpleNamespace:
+def make_bodies_clusters(real: Real, math: str) -> SimpleNamespace:
     """Compile `sum_up`, `turn` and `move`.
 
     `sum_up(position, starts, firsts, indices, members, sums)`: the moments of all clusters, in blocks of THREADS;
@@ -124,7 +125,7 @@ def make_bodies_clusters(real: Any, math: str) -> SimpleNamespace:
 
 
 @cache
-def make_move(real: Any, math: str, stores_displacement: bool = False) -> Any:
+def make_move(real: Real, math: str, stores_displacement: bool = False) -> Callable:
     """Make move_mass(p, k, particle_starts, particle_clusters, particle_members, frames) -> (x, y, z): particle k, at
     p, moved towards its goals; with `stores_displacement` only its displacement."""
     formulas = device_formulas(cluster, real, math)
@@ -148,7 +149,7 @@ def make_move(real: Any, math: str, stores_displacement: bool = False) -> Any:
 
 
 @cache
-def make_bodies_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+def make_bodies_ends(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Compile `begin` and `finish`, start and end of a substep.
 
     `begin(position, velocity, predicted, parameters, integers)`; `finish(before, position, velocity, particle_starts,

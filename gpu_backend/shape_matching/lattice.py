@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
+from softlab.gpu_backend.core.device import DeviceArray, Stream
 from softlab.gpu_backend.core.quads import SIZE
 from softlab.gpu_backend.shape_matching.lattice_kernels import (
     N_COPIES,
@@ -18,6 +19,7 @@ from softlab.gpu_backend.shape_matching.lattice_kernels import (
     make_lattice_kernels,
 )
 from softlab.model.assets.lattice import VALUES
+from softlab.model.base.types import Real
 from softlab.model.particles.body_set import BodySet
 from softlab.model.tables.method import Method
 
@@ -35,7 +37,7 @@ def lattice_bytes(body_set: BodySet, item: int) -> int:
 class Lattices:
     """The lattices of a body set. `rotation` and `new_rotation` (clusters, 4) flat, `frames` as those of other clusters."""
 
-    def __init__(self, body_set: BodySet, real: Any, math: str, stream: Any):
+    def __init__(self, body_set: BodySet, real: Real, math: str, stream: Stream):
         self.copies, self.real, self.stream = body_set.lattices, real, stream
         self.clusters = sum(one.copies * one.lattice.size for one in self.copies)
         self.rotation: Any = None
@@ -64,10 +66,10 @@ class Lattices:
             begin += one.copies * one.lattice.size
         self._values_on_device = [self._on_device(numbers) for numbers in self._numbers]
 
-    def _on_device(self, array: np.ndarray) -> Any:
+    def _on_device(self, array: np.ndarray) -> DeviceArray:
         return cuda.to_device(np.ascontiguousarray(array), stream=self.stream)
 
-    def _zeros(self, count: int) -> Any:
+    def _zeros(self, count: int) -> DeviceArray:
         return self._on_device(np.zeros(count, self.real))
 
     @property
@@ -84,14 +86,14 @@ class Lattices:
             self.rotation.copy_to_device(self._snapshot, stream=self.stream)
 
     def settle(self) -> None:
-        """Take the rotations of the last look as the state's."""
+        """Use the rotations computed for the last view as those of the state."""
         if self.copies:
             self.rotation.copy_to_device(self.view_rotation, stream=self.stream)
 
     def change(self, method: Method) -> None:
         """Apply a changed step length."""
         for one, stored in zip(self.copies, self._values, strict=True):
-            values = one.values(method.dt / method.substeps, method.iterations).astype(self.real)
+            values: np.ndarray = one.values(method.dt / method.substeps, method.iterations).astype(self.real)
             stored.copy_to_device(values, stream=self.stream)
 
     def _launch(self, kernel: Any, n: int, threads: int, arrays: Sequence[Any]) -> None:
@@ -110,7 +112,7 @@ class Lattices:
         threads = counts[0] * counts[1] * counts[2] * numbers[N_COPIES]
         self._launch(kernel, n, threads, (*arrays, np.int32(span)))
 
-    def match(self, position: Any, new_rotation: Any, for_view: bool = False) -> None:
+    def match(self, position: DeviceArray, new_rotation: DeviceArray, for_view: bool = False) -> None:
         """Compute all lattices' rotations at `position`, from those of the state into `new_rotation`; with `for_view` their
         frames, else the arrays that `move` needs."""
         run = self._kernels
@@ -121,7 +123,7 @@ class Lattices:
             self._scan(run.sum_windows, n, 2, (position, self._other, self._one))
             self._launch(run.turn, n, each, (position, self._one, self.rotation, new_rotation, self.frames, for_view))
 
-    def move(self, position: Any) -> None:
+    def move(self, position: DeviceArray) -> None:
         """Move the masses of all lattices, in place, after `match`."""
         run = self._kernels
         for n, one in enumerate(self.copies):

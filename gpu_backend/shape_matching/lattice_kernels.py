@@ -6,9 +6,9 @@ of `total` numbers: the three components of differences, then those of turns, by
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from numba import cuda
@@ -26,6 +26,7 @@ from softlab.model.assets.lattice import (
     V_SPACING,
     V_TURN,
 )
+from softlab.model.base.types import Real
 from softlab.model.formulas import rotation as formulas_of_rotation
 from softlab.model.formulas.shape_matching import lattice
 
@@ -37,7 +38,7 @@ AXES = 3
 
 
 @cache
-def make_lattice_kernels(real: Any, math: str) -> SimpleNamespace:
+def make_lattice_kernels(real: Real, math: str) -> SimpleNamespace:
     """Compile all kernels (numbers, values, tables, total, position, source, ...) of one lattice and its copies.
 
     `span`: windows of a group that a thread processes in sequence: many need the fewest sums, few use the most threads.
@@ -50,7 +51,7 @@ def make_lattice_kernels(real: Any, math: str) -> SimpleNamespace:
     return make_kernels(kernels, f"lattice_{variant_name(real, math)}", **kernel_options(math))
 
 
-def _lines(real: Any, math: str) -> tuple[Any, ...]:
+def _lines(real: Real, math: str) -> tuple[Callable, ...]:
     formulas = device_formulas(lattice, real, math)
     lever, part_of, added_turn = formulas.lever, formulas.part_of, formulas.added_turn
     added_goal, moved, zero = formulas.added_goal, formulas.moved, real(0)
@@ -107,12 +108,12 @@ def _lines(real: Any, math: str) -> tuple[Any, ...]:
     return sum_lines, move_lines
 
 
-def _moments(real: Any, math: str) -> tuple[Any, ...]:
+def _moments(real: Real, math: str) -> tuple[Callable, ...]:
     formulas = device_formulas(lattice, real, math)
     lever, part_of_row, added_turn = formulas.lever, formulas.part_of_row, formulas.added_turn
     shifted, zero, one = formulas.shifted, real(0), real(1)
 
-    def make_scan(name: str, upwards: bool) -> Any:
+    def make_scan(name: str, upwards: bool) -> Callable:
         """Make the scan along z if `upwards`, of sums over slices, else along y, of sums along rows."""
         turns = 2 if upwards else 1  # computed so far
         rows_before, sums = AXES * (turns + 1), AXES * (turns + 2)
@@ -183,7 +184,7 @@ def _moments(real: Any, math: str) -> tuple[Any, ...]:
     return make_scan("sum_slices", False), make_scan("sum_windows", True)
 
 
-def _turn(real: Any, math: str) -> Any:
+def _turn(real: Real, math: str) -> Callable:
     formulas, turns = device_formulas(lattice, real, math), device_formulas(formulas_of_rotation, real, math)
     centre, entry, rotation_3d, matrix_of = formulas.centre, formulas.entry, turns.rotation_3d, turns.matrix_of
     first = np.int32(V_TURN)
@@ -233,12 +234,12 @@ def _turn(real: Any, math: str) -> Any:
     return turn
 
 
-def _goals(real: Any, math: str) -> tuple[Any, ...]:
+def _goals(real: Real, math: str) -> tuple[Callable, ...]:
     formulas = device_formulas(lattice, real, math)
     lever, added_goal, ended = formulas.lever, formulas.added_goal, formulas.ended
     zero, one = real(0), real(1)
 
-    def make_scan(name: str, upwards: bool) -> Any:
+    def make_scan(name: str, upwards: bool) -> Callable:
         """Make the scan of clusters along z (`upwards`), or of their sums along y; without rotations' last column."""
         rows_before = AXES * (3 if upwards else 2)
         sums = rows_before + AXES

@@ -8,16 +8,17 @@ from __future__ import annotations
 
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from numba import cuda
 
 from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernels, variant_name
+from softlab.gpu_backend.core.device import DeviceArray, Stream
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
 from softlab.gpu_backend.core.sheet import make_place
 from softlab.model.assets.lattice import matching_axis
+from softlab.model.base.types import Real
 from softlab.model.formulas.shape_matching import grid as shape_matching
 from softlab.model.scene.scene import Scene
 
@@ -25,7 +26,7 @@ WEIGHT, INVERSE, CENTRE, MASS, COUNT = range(5)  # of a table (5, rows or column
 
 
 @cache
-def make_matching(real: Any, math: str, region: int) -> SimpleNamespace:
+def make_matching(real: Real, math: str, region: int) -> SimpleNamespace:
     """Compile `match(position, clusters, row_table, column_table, rows, columns)` and `move(position, target, clusters,
     row_table, column_table, record, rows, columns)`, from `position` to `target` (quads); pinned masses, of weight 0,
     stay."""
@@ -107,7 +108,7 @@ class Matching:
 
     launches = 2  # of an iteration
 
-    def __init__(self, scene: Scene, real: Any, math: str, launch: tuple, stream: Any):
+    def __init__(self, scene: Scene, real: Real, math: str, launch: tuple, stream: Stream):
         self.kernels = make_matching(real, math, scene.method.region)
         counts = scene.grid.rows, scene.grid.columns
         self.shape = tuple(np.int32(count) for count in counts)
@@ -117,8 +118,8 @@ class Matching:
         )
         self.clusters = cuda.to_device(np.zeros(SIZE * scene.grid.particle_count, real), stream=stream)
 
-    def match(self, position: Any) -> None:
+    def match(self, position: DeviceArray) -> None:
         self.kernels.match[self.launch](position, self.clusters, *self.tables, *self.shape)
 
-    def move(self, position: Any, target: Any, record: Any) -> None:
+    def move(self, position: DeviceArray, target: DeviceArray, record: DeviceArray) -> None:
         self.kernels.move[self.launch](position, target, self.clusters, *self.tables, record, *self.shape)

@@ -12,7 +12,8 @@ import numpy as np
 from numba import cuda
 
 from softlab.gpu_backend.contact.motion import make_motion
-from softlab.gpu_backend.core.compile import kernel_options, make_kernel, make_kernels, variant_name
+from softlab.gpu_backend.core.compile import Kernel, kernel_options, make_kernel, make_kernels, variant_name
+from softlab.gpu_backend.core.device import Arguments, DeviceArray, Stream
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.integers import make_clock
 from softlab.gpu_backend.core.quads import AXES, ROWS, SIZE, load_quad, store_quad
@@ -21,6 +22,7 @@ from softlab.gpu_backend.shape_matching.bodies_bounce import make_bodies_bounce,
 from softlab.gpu_backend.shape_matching.damping import make_gather
 from softlab.gpu_backend.shape_matching.kernels import PITCH, THREADS, TOGETHER, make_lane_sum
 from softlab.model.assets.clusters import Clusters
+from softlab.model.base.types import Real
 from softlab.model.formulas.shape_matching import rebound
 from softlab.model.formulas.shape_matching.cluster import LANES
 from softlab.model.formulas.shape_matching.rebound import SUMS
@@ -30,7 +32,7 @@ SHARED = TOGETHER * SUMS * PITCH  # numbers per block
 
 
 @cache
-def make_rebound(real: Any, math: str, has_contacts: bool = False) -> SimpleNamespace:
+def make_rebound(real: Real, math: str, has_contacts: bool = False) -> SimpleNamespace:
     """Compile `weigh`, `go` and `differ`.
 
     `weigh(position, impulses, starts, indices, members, leans, limits, motions)`: the resulting motions of clusters, in
@@ -114,7 +116,7 @@ def make_rebound(real: Any, math: str, has_contacts: bool = False) -> SimpleName
 
 
 @cache
-def make_collide_rebound(real: Any, math: str, parts: frozenset[str]) -> Any:
+def make_collide_rebound(real: Real, math: str, parts: frozenset[str]) -> Kernel:
     """Compile store_impulses(before, position, velocity, impulses, record, bodies, integers, counter, place, substeps,
     substep): colliders, with their impulses written into `impulses`."""
     collide, clock, zero = make_motion(real, math, parts, AXES).collide, make_clock(math, parts), real(0)
@@ -145,10 +147,11 @@ class Rebounds:
 
     launches = 4  # `strike`, and the following ones
     restitution_launches = 8  # of `bounce`
+    contacts: Any
 
     def __init__(
-        self, clusters: Clusters, particle_order: np.ndarray, particles: int, contacts: Any, parts: frozenset[str], real: Any,
-        math: str, stream: Any,
+        self, clusters: Clusters, particle_order: np.ndarray, particles: int, contacts: Any, parts: frozenset[str],
+        real: Real, math: str, stream: Stream,
     ):  # fmt: skip
         self.turns, self.contacts = "rigid-rebound" in parts, contacts if "rigid-bounce" in parts else None
         self._clusters, self._stream, self._flat = clusters, stream, (max(1, -(-particles // THREADS)), THREADS, stream)
@@ -158,18 +161,18 @@ class Rebounds:
             self._bounce = make_bodies_bounce(real, math)
             self._gives = [make_give(real, math, *contacts.variant, scaled) for scaled in (False, True)]
             self._scales = cuda.to_device(np.zeros(SIZE * particles, real), stream=stream)
-        limits = rebound_limits(clusters).astype(real)
-        zeros = np.zeros(SIZE * particles, real), np.zeros(ROWS * SIZE * clusters.count, real)
+        limits: np.ndarray = rebound_limits(clusters).astype(real)
+        zeros: tuple[np.ndarray, ...] = np.zeros(SIZE * particles, real), np.zeros(ROWS * SIZE * clusters.count, real)
         self._limits, self.impulses, self._motions = (
             cuda.to_device(array, stream=stream) for array in (limits, *zeros)
         )
 
-    def differ(self, velocity: Any) -> None:
+    def differ(self, velocity: DeviceArray) -> None:
         """Compute the impulses of colliders, from the velocities before them in `struck`."""
         self._kernels.differ[self._flat](velocity, self.impulses)
 
     def run(
-        self, position: Any, velocity: Any, entries: tuple[Any, ...], leans: Any, gathered: tuple[Any, ...]
+        self, position: DeviceArray, velocity: DeviceArray, entries: Arguments, leans: DeviceArray, gathered: Arguments
     ) -> None:
         """Update the velocities by the clusters' responses; other arrays as of the solver's other kernels."""
         blocks = max(1, -(-self._clusters.count // TOGETHER)), THREADS, self._stream
@@ -177,8 +180,8 @@ class Rebounds:
         self._kernels.go[self._flat](position, velocity, self.impulses, *gathered[:2], self._limits, self._motions)
 
     def bounce(
-        self, position: Any, old: Any, velocity: Any, travel: Any, entries: tuple[Any, ...], leans: Any,
-        gathered: tuple[Any, ...],
+        self, position: DeviceArray, old: DeviceArray, velocity: DeviceArray, travel: DeviceArray, entries: Arguments,
+        leans: DeviceArray, gathered: Arguments,
     ) -> None:  # fmt: skip
         """Update the velocities after particles bounced off each other, of bodies as wholes, whose velocities are rigid
         motions.
@@ -196,7 +199,7 @@ class Rebounds:
         self._gather[blocks](position, self.impulses, *entries, leans, motions)
         self._bounce.join[flat](position, velocity, self.impulses, *of_particle, self._limits, motions)
 
-    def _weigh(self, kernels: Any, blocks: Any, position: Any, entries: tuple[Any, ...], leans: Any) -> None:
+    def _weigh(self, kernels: Any, blocks: Any, position: DeviceArray, entries: Arguments, leans: DeviceArray) -> None:
         """Compute the clusters' motions from the impulses on their particles."""
         starts, _, indices, members = entries
         self._gather[blocks](position, self.impulses, *entries, leans, self._motions)

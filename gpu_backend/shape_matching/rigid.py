@@ -8,19 +8,20 @@ from __future__ import annotations
 
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from numba import cuda
 
 from softlab.gpu_backend.contact.motion import make_motion
 from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernels, variant_name
+from softlab.gpu_backend.core.device import Arguments, DeviceArray, Stream
 from softlab.gpu_backend.core.forces import make_forces
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.quads import AXES, ROWS, SIZE, load_quad, pack, store_quad
 from softlab.gpu_backend.shape_matching.damping import make_gather
 from softlab.gpu_backend.shape_matching.kernels import THREADS, TOGETHER, make_move
 from softlab.model.assets.clusters import Clusters, whole_clusters
+from softlab.model.base.types import Real
 from softlab.model.contact.particle_parameters import H_ASLEEP, H_FASTEST
 from softlab.model.formulas import particle_contact
 from softlab.model.formulas.shape_matching import rebound, rigid
@@ -29,7 +30,7 @@ from softlab.model.shape_matching.rigid_motion import goal_slack
 
 
 @cache
-def make_begin(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+def make_begin(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Compile `begin(position, velocity, predicted, record, integers, travel)`, predictions and travels, and
     `predict(before, velocity, a, position, record, travel)`, the same from accelerations `a`, which are then set to
     0."""
@@ -70,7 +71,7 @@ def make_begin(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
 
 
 @cache
-def make_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+def make_ends(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Compile `move`, `rate`, `update`, `update_calmed`, `rest` and `steady`.
 
     `move(position, particle_starts, particle_clusters, particle_members, frames, travel)`: particles towards their
@@ -186,16 +187,16 @@ class RigidMotion:
     quads of particles."""
 
     def __init__(
-        self, clusters: Clusters, particle_order: np.ndarray, particles: int, parts: frozenset[str], real: Any,
-        math: str, stream: Any
+        self, clusters: Clusters, particle_order: np.ndarray, particles: int, parts: frozenset[str], real: Real,
+        math: str, stream: Stream
     ):  # fmt: skip
         self._blocks = max(1, -(-clusters.count // TOGETHER)), THREADS, stream
         self._flat = max(1, -(-particles // THREADS)), THREADS, stream
         slack = goal_slack(clusters, real)
-        travel = np.zeros((particles, SIZE), real)
+        travel: np.ndarray = np.zeros((particles, SIZE), real)
         travel[:, AXES] = slack
         factors = whole_clusters(clusters)[clusters.owner][particle_order].astype(real)
-        motions = np.zeros(ROWS * SIZE * clusters.count, real)
+        motions: np.ndarray = np.zeros(ROWS * SIZE * clusters.count, real)
         self.travel, self._factors, self._motions = (
             cuda.to_device(array, stream=stream) for array in (pack(travel), factors, motions)
         )
@@ -204,13 +205,13 @@ class RigidMotion:
         self._whole = cuda.to_device(whole_clusters(clusters).astype(np.int32), stream=stream)
         self.launches = 2 + self._sleeps  # of `steady` and `rest`
 
-    def rest(self, before: Any, position: Any, velocity: Any, entries: tuple[Any, ...]) -> None:
+    def rest(self, before: DeviceArray, position: DeviceArray, velocity: DeviceArray, entries: Arguments) -> None:
         """Zero the velocities of bodies that sleep, at the substep's end."""
         if self._sleeps:
             self.ends.rest[self._blocks](before, position, velocity, entries[0], entries[2], self._whole)
 
     def steady(
-        self, position: Any, velocity: Any, entries: tuple[Any, ...], leans: Any, gathered: tuple[Any, ...]
+        self, position: DeviceArray, velocity: DeviceArray, entries: Arguments, leans: DeviceArray, gathered: Arguments
     ) -> None:
         """Replace velocities by rigid motions of the same momenta."""
         self._gather[self._blocks](position, velocity, *entries, leans, self._motions)

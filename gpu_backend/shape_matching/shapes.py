@@ -8,21 +8,21 @@ strain's rows.
 from __future__ import annotations
 
 from functools import cache
-from typing import Any
 
 import numpy as np
 from numba import cuda
 
-from softlab.gpu_backend.core.compile import kernel_options, make_kernel, variant_name
+from softlab.gpu_backend.core.compile import Kernel, kernel_options, make_kernel, variant_name
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.quads import ROWS, load_quad, store_quad
+from softlab.model.base.types import Real
 from softlab.model.formulas import rotation as formulas_of_rotation
 from softlab.model.formulas.shape_matching import cluster, deformation
 from softlab.model.formulas.shape_matching.cluster import MOMENTS
 
 
 @cache
-def make_shaped_turn(real: Any, math: str, shaping: frozenset[str]) -> Any:
+def make_shaped_turn(real: Real, math: str, shaping: frozenset[str]) -> Kernel:
     """Compile turn(position, firsts, leans, sums, rotation, new_rotation, frames, shapes, plastic, bent), as kernels.turn,
     with strains from `plastic` into `bent`, which may be the same. `shaping`: which of `linear` and `plastic` there
     are."""

@@ -15,7 +15,7 @@ import numpy as np
 from numba import cuda
 
 from softlab.gpu_backend.contact.particles_project import make_contact_ends
-from softlab.gpu_backend.core.device import simulated
+from softlab.gpu_backend.core.device import DeviceArray, Stream, simulated
 from softlab.gpu_backend.core.launch import Graphs, can_capture
 from softlab.gpu_backend.core.sheet import make_cloth_tools
 from softlab.gpu_backend.core.substeps import launched_kernel
@@ -33,7 +33,7 @@ from softlab.model.shape_matching.plan import body_plan
 class Bodies(BodiesState):
     """Bodies on CUDA; model/core/simulation.py defines the contract. `threads` is the number of threads per block."""
 
-    def __init__(self, scene: Scene, options: Options, stream: Any = None):
+    def __init__(self, scene: Scene, options: Options, stream: Stream | None = None):
         super().__init__(scene, options, stream)
         self.plan, self.kernel = body_plan(scene, options.live), launched_kernel(options.kernel, "bodies")
         self.threads, self.clusters = THREADS, scene.body_set.loose
@@ -63,7 +63,7 @@ class Bodies(BodiesState):
         if self.kernel == "graph" and can_capture():
             self._graphs = Graphs(self.stream, self._launch, self._count_on)
 
-    def _match(self, position: Any, new_rotation: Any, for_view: bool = False) -> None:
+    def _match(self, position: DeviceArray, new_rotation: DeviceArray, for_view: bool = False) -> None:
         """Compute the clusters' rotations at `position`, from those of the state into `new_rotation`, and their frames.
 
         Those of lattices go into the state's own arrays, with `for_view` into others. A `for_view` at the state causes no
@@ -83,7 +83,7 @@ class Bodies(BodiesState):
         else:
             self._cluster_kernels.turn[self._over(self.clusters.count, THREADS)](*arrays)
 
-    def _move(self, position: Any) -> None:
+    def _move(self, position: DeviceArray) -> None:
         """Move particles towards the goals of their loose clusters."""
         if self._rigid:
             self._rigid.ends.move[self._flat](position, *self._gathered, self._rigid.travel)
@@ -147,7 +147,7 @@ class Bodies(BodiesState):
         else:
             self._ends.finish[self._flat](before, now, new_velocity, *self._gathered, *last)
 
-    def _end_rigid(self, before: Any, now: Any, velocity: Any) -> None:
+    def _end_rigid(self, before: DeviceArray, now: DeviceArray, velocity: DeviceArray) -> None:
         """Compute velocities before colliders, in a scene with rigid bodies."""
         assert self._rigid is not None
         last = self.record, self._rigid.travel
@@ -160,19 +160,19 @@ class Bodies(BodiesState):
             self._material.gather(now, velocity, self._entries, self._leans)
             self._material.ends.slow[self._flat](now, velocity, *self._material.slowing(self._gathered))
 
-    def _rebound(self, position: Any, velocity: Any) -> None:
+    def _rebound(self, position: DeviceArray, velocity: DeviceArray) -> None:
         """Apply the response of whole rigid bodies to the impulses of colliders."""
         assert self._rebounds is not None
         self._rebounds.run(position, velocity, self._entries, self._leans, self._gathered)
 
-    def _part(self, before: Any, now: Any, old: Any, velocity: Any) -> None:
+    def _part(self, before: DeviceArray, now: DeviceArray, old: DeviceArray, velocity: DeviceArray) -> None:
         """Compute velocities of a substep that began with `old` ones, with restitution at contacts."""
         assert self.contacts is not None
         self._contact_ends.update_velocity[self._flat](before, now, velocity, self.contacts.record, self.record)
         if self.contacts.bounces:
             self._bounce(now, old, velocity)
 
-    def _bounce(self, position: Any, old: Any, velocity: Any) -> None:
+    def _bounce(self, position: DeviceArray, old: DeviceArray, velocity: DeviceArray) -> None:
         """Bounce particles off each other, rigid bodies as wholes."""
         assert self.contacts is not None
         if self._rebounds and self._rebounds.contacts:
@@ -183,7 +183,7 @@ class Bodies(BodiesState):
         else:
             self.contacts.bounce(position, old, velocity)
 
-    def _damp(self, before: Any, now: Any, old: Any, velocity: Any) -> None:
+    def _damp(self, before: DeviceArray, now: DeviceArray, old: DeviceArray, velocity: DeviceArray) -> None:
         """Compute velocities of a substep after its last goals, and the clusters' rigid motions."""
         if self.contacts:
             self._part(before, now, old, velocity)

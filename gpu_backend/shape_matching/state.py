@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from softlab.gpu_backend.contact.particles import ParticleContacts, particle_contact_bytes
+from softlab.gpu_backend.core.device import Arguments, DeviceArray
 from softlab.gpu_backend.core.quads import AXES, ROWS, SIZE
 from softlab.gpu_backend.core.substeps import SubstepSimulation
 from softlab.gpu_backend.shape_matching.couples import Couples
@@ -29,7 +30,7 @@ class BodiesState(BodiesSimulation, SubstepSimulation):
     clusters: Clusters  # those in no lattice
 
     @abstractmethod
-    def _match(self, position: Any, new_rotation: Any, for_view: bool = False) -> None:
+    def _match(self, position: DeviceArray, new_rotation: DeviceArray, for_view: bool = False) -> None:
         """Compute the clusters' rotations at `position` into `new_rotation`, and their frames."""
 
     def _require_space(self) -> None:
@@ -47,7 +48,7 @@ class BodiesState(BodiesSimulation, SubstepSimulation):
         parts = self.plan.parts - {"clusters"} | {"load"}  # every particle has its own weight
         return parts | {"pins"} if "spare" in parts else parts  # parked particles stay
 
-    def _zeros(self, count: int) -> Any:
+    def _zeros(self, count: int) -> DeviceArray:
         return self.zeros(count, self.real)
 
     def _allocate(self) -> None:
@@ -88,13 +89,13 @@ class BodiesState(BodiesSimulation, SubstepSimulation):
         arguments = scene.body_set, scene.method, *variant, self.stream
         self._links: Any = DeviceLinks(*arguments) if scene.body_set.links.count else None
 
-    def _entries_of(self, clusters: Clusters) -> tuple[Any, ...]:
+    def _entries_of(self, clusters: Clusters) -> Arguments:
         """Return the device arrays of clusters: offsets, first particles, particles, rest offsets and masses."""
         members = np.concatenate([clusters.rest, clusters.masses[:, None]], axis=1).astype(self.real)
         arrays = clusters.offsets, first_particles(clusters), clusters.indices, members
         return tuple(self.on_device(array) for array in arrays)
 
-    def _clusters_of_particles(self, clusters: Clusters) -> tuple[Any, ...]:
+    def _clusters_of_particles(self, clusters: Clusters) -> Arguments:
         """Return the device arrays of the particles' clusters: first of each particle, clusters."""
         starts, entries = clusters.of_particle
         return self.on_device(starts), self.on_device(clusters.owner[entries])

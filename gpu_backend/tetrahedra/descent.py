@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from softlab.gpu_backend.contact.surfaces import SurfaceContacts
+from softlab.gpu_backend.core.device import Arguments, DeviceArray
 from softlab.gpu_backend.core.quads import SIZE, pack
 from softlab.gpu_backend.core.substeps import launched_kernel
 from softlab.gpu_backend.position_based.mesh import THREADS
@@ -78,7 +79,7 @@ class VertexBlockDescent(Tetrahedra):
         super()._build()
 
     def _bind(self, descent: Descent) -> None:
-        """Insert the stages of a material into those of a step."""
+        """Insert the stages of a material into the stages of a step."""
         damped, real, count = DAMPED in self.plan.parts, self.real, np.int32(len(descent.corners))
         kernels = make_visits(real, self.options.math, descent.number, damped, visited(self.plan.parts))
         corners, values = self.on_device(pack(descent.corners)), self.on_device(pack(descent.values.astype(real)))
@@ -87,10 +88,10 @@ class VertexBlockDescent(Tetrahedra):
         all_of, every = self._over(len(descent.corners), THREADS), np.int32(len(descent.order))
         each, falls = self._over(len(descent.order), THREADS), self.on_device(descent.falls)
 
-        def remember(before: Any, velocity: Any, position: Any, time: Any) -> None:
+        def remember(before: DeviceArray, velocity: DeviceArray, position: DeviceArray, time: Any) -> None:
             kernels.remember[all_of](before, corners, values, strains, count)
 
-        def start(before: Any, velocity: Any, position: Any, time: Any) -> None:
+        def start(before: DeviceArray, velocity: DeviceArray, position: DeviceArray, time: Any) -> None:
             kernels.start[each](before, velocity, self._inertial, position, order, falls, every, self.record)
 
         def descend(first: int, stop: int) -> Launch:
@@ -152,7 +153,7 @@ class VertexBlockDescent(Tetrahedra):
         if self.contacts:
             self.contacts.project(before, now)
 
-    def _go_on(self, position: Any, iteration: int) -> None:
+    def _go_on(self, position: DeviceArray, iteration: int) -> None:
         """Launch the acceleration of sweeps, if the plan has it."""
         if self._iterates is not None:
             self._accelerate[self._flat](position, self._iterates, self._weights[iteration])
@@ -167,7 +168,7 @@ class VertexBlockDescent(Tetrahedra):
             2 + more + method.iterations * (len(self._visits) + project + (self._iterates is not None))
         )
 
-    def _time(self, moment: Moment) -> tuple[Any, ...]:
+    def _time(self, moment: Moment) -> Arguments:
         return self._counter, np.int64(0), np.int64(moment.substeps), np.int64(moment.substep)
 
     def _stages(self) -> dict[str, StageRun]:

@@ -12,14 +12,16 @@ from numba import cuda
 from softlab.gpu_backend.contact.colliders import make_collide
 from softlab.gpu_backend.contact.surfaces import SurfaceContacts
 from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernels, variant_name
+from softlab.gpu_backend.core.device import DeviceArray
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
 from softlab.gpu_backend.tetrahedra.newton_contact import make_contact
+from softlab.model.base.types import Real
 from softlab.model.formulas.elastic import descent, friction, newton, solving
 
 
 @cache
-def make_meeting(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+def make_meeting(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Make `add_contact(sums, b, p, holds, world, number)`: it adds the contribution of colliders to the sums of a vertex at
     `p`, which was at `b` at the start of substep `number` (quads). `has_bodies`: true if there are colliders."""
     inline, contact = inlined(math), make_contact(real, math, parts)
@@ -55,18 +57,18 @@ def make_meeting(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace
 
 
 @cache
-def make_carry(real: Any, math: str) -> SimpleNamespace:
+def make_carry(real: Real, math: str) -> SimpleNamespace:
     """Compile remember(position, earlier) and carry(position, earlier, inertial), one thread per particle."""
     carried = device_formulas(descent, real, math).carried
 
     def remember(position, earlier):
-        k = np.int32(cuda.grid(1))  # type: ignore[call-arg]
+        k = np.int32(cuda.grid(1))
         if k < position.size // SIZE:
             p = load_quad(position, k)
             store_quad(earlier, k, p[0], p[1], p[2], p[3])
 
     def carry(position, earlier, inertial):
-        k = np.int32(cuda.grid(1))  # type: ignore[call-arg]
+        k = np.int32(cuda.grid(1))
         if k < position.size // SIZE:
             p, q, y = load_quad(position, k), load_quad(earlier, k), load_quad(inertial, k)
             store_quad(
@@ -88,7 +90,7 @@ class CarriedContacts(SurfaceContacts):
     def projecting(self) -> int:
         return super().projecting + 2
 
-    def project(self, before: Any, position: Any) -> None:
+    def project(self, before: DeviceArray, position: DeviceArray) -> None:
         """Sweep over the contacts of the substep that began at `before`."""
         self._carry.remember[self._of_masses](position, self._earlier)
         super().project(before, position)

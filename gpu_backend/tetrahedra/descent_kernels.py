@@ -6,14 +6,14 @@ Corners, values and strains are flat and stored column by column; model/formulas
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from numba import cuda
 
-from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernel, make_kernels, variant_name
+from softlab.gpu_backend.core.compile import Kernel, inlined, kernel_options, make_kernel, make_kernels, variant_name
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.integers import make_clock
 from softlab.gpu_backend.core.quads import SIZE, load_quad, make_row, store_quad
@@ -21,6 +21,7 @@ from softlab.gpu_backend.core.world import World
 from softlab.gpu_backend.tetrahedra.descent_contact import make_meeting
 from softlab.gpu_backend.tetrahedra.springs import make_pulled
 from softlab.model.base.tuples import each_of, tuple_of
+from softlab.model.base.types import Real
 from softlab.model.formulas.elastic import chebyshev, descent
 from softlab.model.tetrahedra.descent import CORNERS, RATE, SCALE
 from softlab.model.tetrahedra.springs import PARTS, SpringArrays
@@ -29,13 +30,13 @@ NOTHING: frozenset[str] = frozenset()
 
 
 @cache
-def make_accelerate(real: Any, math: str) -> Any:
+def make_accelerate(real: Real, math: str) -> Kernel:
     """Compile accelerate(position, iterates, w): it extrapolates every particle after a sweep; `iterates`: quads of the
     positions after the last sweep, then after the one before it."""
     beyond, zero = device_formulas(chebyshev, real, math).beyond, real(0)
 
     def accelerate(position, iterates, w):
-        k, count = np.int32(cuda.grid(1)), np.int32(position.size // SIZE)  # type: ignore[call-arg]
+        k, count = np.int32(cuda.grid(1)), np.int32(position.size // SIZE)
         if k < count:
             p = load_quad(position, k)
             if p[3] > zero:
@@ -50,7 +51,7 @@ def make_accelerate(real: Any, math: str) -> Any:
 
 
 @cache
-def make_visits(real: Any, math: str, material: int, damped: bool, parts: frozenset[str] = NOTHING) -> SimpleNamespace:
+def make_visits(real: Real, math: str, material: int, damped: bool, parts: frozenset[str] = NOTHING) -> SimpleNamespace:
     """Compile `remember`, `start` and `descend`.
 
     `remember(before, corners, values, strains, count)`: strains of every tetrahedron of a material at the start of a
@@ -73,13 +74,13 @@ def make_visits(real: Any, math: str, material: int, damped: bool, parts: frozen
     def xyz(quad):
         return quad[0], quad[1], quad[2]
 
-    def point_at(n: int) -> Any:
+    def point_at(n: int) -> Callable:
         return inline(lambda position, corners, count, t: xyz(load_quad(position, corners[n])))
 
-    def strain_at(n: int) -> Any:
+    def strain_at(n: int) -> Callable:
         return inline(lambda strains, unused, count, t: strains[np.uint32(np.int32(n * count) + t)])
 
-    def store_at(n: int) -> Any:
+    def store_at(n: int) -> Callable:
         @inline
         def store(strains, unused, count, t, strain):
             strains[np.uint32(np.int32(n * count) + t)] = strain
@@ -95,14 +96,14 @@ def make_visits(real: Any, math: str, material: int, damped: bool, parts: frozen
         return points_at(position, corners_of(corners, count, t), count, t)
 
     def remember(before, corners, values, strains, size):
-        t = np.int32(cuda.grid(1))  # type: ignore[call-arg]
+        t = np.int32(cuda.grid(1))
         count = np.int32(size)
         if t < count:
             strain = initial_strain(points_of(before, corners, count, t), values_of(values, count, t))
             store_all(strains, t, count, t, strain)
 
     def start(before, velocity, inertial, position, order, falls, stop, record):
-        k = np.int32(cuda.grid(1))  # type: ignore[call-arg]
+        k = np.int32(cuda.grid(1))
         if k < stop:
             vertex = order[k]
             b, p = load_quad(before, vertex), load_quad(inertial, vertex)
@@ -116,7 +117,7 @@ def make_visits(real: Any, math: str, material: int, damped: bool, parts: frozen
         numbers, before, holds, first, stop, size, record, bodies, integers, counter, place, substeps, substep,
     ):  # fmt: skip
         parameters = record[0]
-        k, count = np.int32(first + cuda.grid(1)), np.int32(size)  # type: ignore[call-arg]
+        k, count = np.int32(first + cuda.grid(1)), np.int32(size)
         if k < stop:
             vertex, rate = order[k], parameters[RATE]
             sums = no_sums

@@ -6,11 +6,11 @@ One launch does whole steps, without the host (newton_kernel.py). In `exact` mat
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
 from softlab.gpu_backend.core.cooperative import Cooperative
+from softlab.gpu_backend.core.device import Arguments, DeviceArray
 from softlab.gpu_backend.core.driven import DrivenSimulation
 from softlab.gpu_backend.core.quads import SIZE
 from softlab.gpu_backend.core.sheet import make_cloth_tools, make_mesh_tools
@@ -89,7 +89,7 @@ class TetrahedraNewton(DrivenSimulation):
             self._pins[self.body.pinned] = self._first_pin + PIN_FIELDS * np.arange(len(self.body.pinned))
         self._lists = [self.on_device(array) for array in surface_lists(tetrahedra_set, False)]
 
-        def zeros(size: int) -> Any:
+        def zeros(size: int) -> DeviceArray:
             return self.on_device(np.zeros(size, real))
 
         self._done = self.on_device(np.zeros(len(DONE), np.int64))
@@ -113,7 +113,7 @@ class TetrahedraNewton(DrivenSimulation):
         self._executor = Executor(self.plan, {}, self._steps.advance)
         self._steps.prepare()
 
-    def _arguments(self, steps: int) -> tuple[Any, ...]:
+    def _arguments(self, steps: int) -> Arguments:
         method = self.scene.method
         return (
             self.position[0], self.velocity[0], *self._arrays, self._steps.flags, self._done, self.record, self.bodies,
@@ -123,10 +123,10 @@ class TetrahedraNewton(DrivenSimulation):
 
     @property
     def done(self) -> np.ndarray:
-        """Return (solves, looks, matrices, products, steps) so far (newton_kernel.py)."""
+        """Return the counts so far (newton_kernel.py): solves, checks, matrices, products, steps."""
         host: np.ndarray = self._done.copy_to_host(stream=self.stream)
         self.synchronize()
         return host
 
-    def _normal_arguments(self) -> tuple[Any, ...]:
+    def _normal_arguments(self) -> Arguments:
         return tuple(self._lists)

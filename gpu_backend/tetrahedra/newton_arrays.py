@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
+import numpy as np
+
+from softlab.gpu_backend.core.device import DeviceArray
 from softlab.model.tetrahedra.aggregates import Aggregates, Couplings
 from softlab.model.tetrahedra.block_rows import BlockRows
 from softlab.model.tetrahedra.newton_arrays import Elements, Matrix
@@ -19,21 +22,21 @@ class Vectors(NamedTuple):
     at the first stage's start and end.
     """
 
-    position: Any
-    velocity: Any
-    before: Any
-    target: Any
-    current: Any
-    gradient: Any
-    trial: Any
-    solution: Any
-    residual: Any
-    product: Any
-    better: Any
-    direction: Any
-    start: Any
-    origin: Any
-    middle: Any
+    position: DeviceArray
+    velocity: DeviceArray
+    before: DeviceArray
+    target: DeviceArray
+    current: DeviceArray
+    gradient: DeviceArray
+    trial: DeviceArray
+    solution: DeviceArray
+    residual: DeviceArray
+    product: DeviceArray
+    better: DeviceArray
+    direction: DeviceArray
+    start: DeviceArray
+    origin: DeviceArray
+    middle: DeviceArray
 
 
 class Coarse(NamedTuple):
@@ -44,13 +47,13 @@ class Coarse(NamedTuple):
     and solution; in `fast` math the inverses of the bodies' matrices, one after the other.
     """
 
-    centres: Any
-    band: Any
-    pivots: Any
-    entries: Any
-    solved: Any
-    inverse: Any
-    width: Any
+    centres: DeviceArray
+    band: DeviceArray
+    pivots: DeviceArray
+    entries: DeviceArray
+    solved: DeviceArray
+    inverse: DeviceArray
+    width: np.int32
 
 
 class Solver(NamedTuple):
@@ -65,4 +68,4 @@ class Solver(NamedTuple):
     groups: Aggregates
     pairs: Couplings
     coarse: Coarse
-    pins: Any
+    pins: DeviceArray

@@ -6,9 +6,9 @@ or factors a body's matrix column by column. `shared` is a block's memory (newto
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from numba import cuda
@@ -18,6 +18,7 @@ from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.quads import load_quad, store_quad
 from softlab.gpu_backend.tetrahedra.newton_elements import make_block_access
 from softlab.gpu_backend.tetrahedra.newton_sums import CAPACITY, TEAM, TEAMS, make_sums
+from softlab.model.base.types import Real
 from softlab.model.formulas.elastic import coarse as formulas_of
 from softlab.model.formulas.elastic import newton, solving
 from softlab.model.tetrahedra.aggregates import MODES, MOST
@@ -28,7 +29,7 @@ assert max((TILE + 1) * ENTRIES, TEAMS * MODES * MOST, TEAMS * MODES * TEAM) <= 
 
 
 @cache
-def make_arm(real: Any, math: str) -> Any:
+def make_arm(real: Real, math: str) -> Callable:
     """Make arm_of(k, group, v, coarse): the vector to particle k from the group's centre."""
     arm = device_formulas(formulas_of, real, math).arm
 
@@ -41,7 +42,7 @@ def make_arm(real: Any, math: str) -> Any:
 
 
 @cache
-def make_coarse(real: Any, math: str) -> SimpleNamespace:
+def make_coarse(real: Real, math: str) -> SimpleNamespace:
     """Make `centre(group, solver, shared)`, `restrict(group, solver, shared)`, for a team, and `corrected(k,
     solver)`: three numbers to add at particle k."""
     inline, formulas = inlined(math), device_formulas(formulas_of, real, math)
@@ -119,7 +120,7 @@ def make_coarse(real: Any, math: str) -> SimpleNamespace:
 
 
 @cache
-def make_couple(real: Any, math: str) -> Any:
+def make_couple(real: Real, math: str) -> Callable:
     """Make couple(pair, solver, shared): for a block, the coupling of two groups by the matrix."""
     inline, columns = inlined(math), device_formulas(formulas_of, real, math).columns
     load_block, arm_of = make_block_access(math).load_block, make_arm(real, math)
@@ -163,7 +164,7 @@ def make_couple(real: Any, math: str) -> Any:
 
 
 @cache
-def make_band(real: Any, math: str) -> SimpleNamespace:
+def make_band(real: Real, math: str) -> SimpleNamespace:
     """Make `factor(body, solver)` and `solve(body, solver, shared)`.
 
     `factor`: for a block; 1 if the body's coarse matrix is not positive, else 0. `solve`: for a team; every entry is

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 from softlab.gpu_backend.contact.colliders import make_collide
 from softlab.gpu_backend.core.compile import inlined
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.integers import COLLIDERS
+from softlab.model.base.types import Real
 from softlab.model.contact.sheet_plan import FRICTION_IN_PLACE
 from softlab.model.formulas.elastic import newton, solving
 
 
 @cache
-def make_contact(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+def make_contact(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Make `within`, `nearly_within` and `pressed`. `has_bodies`: true if there are colliders.
 
     `within(b, p, holds, world, number)`: penetration of a particle at `p` (a vector) and contact stiffness [N/m]; `b`:

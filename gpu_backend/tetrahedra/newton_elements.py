@@ -6,9 +6,9 @@ are quads, in the order of corners; its blocks nine numbers each, one after the 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from softlab.gpu_backend.core.compile import inlined
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.quads import load_quad, store_quad
 from softlab.model.base.tuples import tuple_of
+from softlab.model.base.types import Real
 from softlab.model.formulas.constraints.tetrahedron import HOOKEAN
 from softlab.model.formulas.elastic import damper, deformation, newton, solving, tangent
 from softlab.model.tetrahedra.block_rows import BLOCKS
@@ -68,13 +69,13 @@ def make_block_access(math: str) -> SimpleNamespace:
 
 
 @cache
-def make_reading(real: Any, math: str) -> SimpleNamespace:
+def make_reading(real: Real, math: str) -> SimpleNamespace:
     """Make `rest_of(values, n, count, n)`, B of tetrahedron n of `count`, `deformed(n, position, corners, rest)`, F,
     and `changed(n, position, other, corners, rest)`, F minus that of the `other` positions, from differences."""
     inline, four = inlined(math), np.int32(4)
     gradient = device_formulas(deformation, real, math).gradient
 
-    def value_at(n: int) -> Any:
+    def value_at(n: int) -> Callable:
         return inline(lambda values, unused, count, t: values[np.uint32(np.int32(n * count) + t)])
 
     rest_of = tuple_of(9, value_at, inline)
@@ -108,7 +109,7 @@ def make_reading(real: Any, math: str) -> SimpleNamespace:
 
 
 @cache
-def make_damper(real: Any, math: str, parts: frozenset[str]) -> Any:
+def make_damper(real: Real, math: str, parts: frozenset[str]) -> Callable:
     """Make viscous(n, v, f, rest, number, corners, mu, lame): (D, N) of tetrahedron n, as on the CPU."""
     inline, reading, formulas = inlined(math), make_reading(real, math), device_formulas(damper, real, math)
     deformed, changed = reading.deformed, reading.changed
@@ -132,7 +133,7 @@ def make_damper(real: Any, math: str, parts: frozenset[str]) -> Any:
 
 
 @cache
-def make_energies(real: Any, math: str, parts: frozenset[str]) -> Any:
+def make_energies(real: Real, math: str, parts: frozenset[str]) -> Callable:
     """Make energies(n, count, solver, rate, number) -> (energy, its rounding error) [J].
 
     It also writes the forces at the four corners of tetrahedron n of `count`; all three include dampers. `rate`: 1 / h,
@@ -185,7 +186,7 @@ def make_energies(real: Any, math: str, parts: frozenset[str]) -> Any:
 
 
 @cache
-def make_blocks(real: Any, math: str, parts: frozenset[str]) -> Any:
+def make_blocks(real: Real, math: str, parts: frozenset[str]) -> Callable:
     """Make blocks(n, count, solver, rate, number, safe): the tangent of tetrahedron n of
     `count`, BLOCKS blocks, including dampers."""
     inline, every = inlined(math), np.int32(BLOCKS)

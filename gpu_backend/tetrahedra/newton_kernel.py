@@ -8,15 +8,14 @@ a fast block begins the next pass while a slow one still reads them.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from numba import cuda
 
-from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
+from softlab.gpu_backend.core.compile import Kernel, inlined, kernel_options, make_kernel, variant_name
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.integers import knows_time
 from softlab.gpu_backend.core.meeting import make_barrier
@@ -32,6 +31,7 @@ from softlab.gpu_backend.tetrahedra.newton_passes import (
     make_unit_passes,
 )
 from softlab.gpu_backend.tetrahedra.newton_sums import CAPACITY, THREADS, UNIT, make_sums
+from softlab.model.base.types import Real
 from softlab.model.formulas.elastic import newton
 from softlab.model.formulas.elastic.newton import (
     BEGIN,
@@ -109,7 +109,7 @@ def _make_views(math: str) -> SimpleNamespace:
 
 
 @cache
-def make_newton(real: Any, math: str, parts: frozenset[str]) -> Any:
+def make_newton(real: Real, math: str, parts: frozenset[str]) -> Kernel:
     """Compile kernel(position, velocity, working, values, element_blocks, blocks, inverses, forces, stiffness,
     springs, centres, band, unknowns, inverse, tables, sums, flags, done, record, bodies, integers, counter, steps,
     solves, iterations, floor).
@@ -188,7 +188,7 @@ def make_newton(real: Any, math: str, parts: frozenset[str]) -> Any:
     return make_kernel(newton_steps, f"newton_{variant}", launch_bounds=(THREADS, 1), **kernel_options(math))
 
 
-def _make_dispatch(real: Any, math: str, parts: frozenset[str]) -> Any:
+def _make_dispatch(real: Real, math: str, parts: frozenset[str]) -> Callable:
     """Make dispatch(kind, ...): this block's part of a pass."""
     units, coarse_pass = make_unit_passes(real, math, parts), make_coarse_passes(real, math)
     of_elements, of_particles, quick_pass = units.of_elements, units.of_particles, make_quick_passes(real, math)
@@ -213,7 +213,7 @@ def _make_dispatch(real: Any, math: str, parts: frozenset[str]) -> Any:
     return dispatch
 
 
-def _make_sum_up(real: Any, math: str) -> Any:
+def _make_sum_up(real: Real, math: str) -> Callable:
     """Make sum_up(kind, solver, shared, parts) -> the two sums of a pass, 0 if it has none."""
     total, zero, summed, quad = make_sums(real, math).total, real(0), np.int32(SUMMED), np.int32(SIZE)
     one_sum, two_sums, quick = np.int32(1), np.int32(2), math != "exact"

@@ -3,9 +3,9 @@ level."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from numba import cuda
@@ -22,6 +22,7 @@ from softlab.gpu_backend.tetrahedra.newton_pins import make_driven
 from softlab.gpu_backend.tetrahedra.newton_quick import make_invert, make_quick_groups, make_quick_product
 from softlab.gpu_backend.tetrahedra.newton_rows import make_moving, make_rows, make_solving
 from softlab.gpu_backend.tetrahedra.newton_sums import TEAM, UNIT, make_sums
+from softlab.model.base.types import Real
 from softlab.model.formulas import distance
 from softlab.model.formulas.elastic import stages
 from softlab.model.formulas.elastic.newton import (
@@ -47,7 +48,7 @@ FACTOR, INVERT, BACK = range(len(KINDS), len(KINDS) + 3)  # passes after `coarse
 
 
 @cache
-def make_substep_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+def make_substep_ends(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Make `begin(k, solver, world, time)`, the inertial or driven position of particle k, and `finish(k, solver, world,
     number)`, its velocity and collisions."""
     forces, motion = make_forces(real, math, parts), make_motion(real, math, parts, AXES)
@@ -122,7 +123,7 @@ def make_substep_ends(real: Any, math: str, parts: frozenset[str]) -> SimpleName
 
 
 @cache
-def make_assembly(real: Any, math: str, parts: frozenset[str]) -> Any:
+def make_assembly(real: Real, math: str, parts: frozenset[str]) -> Callable:
     """Make assemble(group, particles, solver): for a block, it assembles the rows of SUMMED particles from the
     blocks of their tetrahedra."""
     gather, inline = make_rows(real, math, parts).gather, inlined(math)
@@ -142,7 +143,7 @@ def make_assembly(real: Any, math: str, parts: frozenset[str]) -> Any:
 
 
 @cache
-def make_unit_passes(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+def make_unit_passes(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Make `of_elements(kind, unit, count, ...)`, for a block, the passes over UNIT tetrahedra, and `of_particles(kind,
     group, ...)`, those over SUMMED particles; both write sums of groups to `sums`."""
     inline, energies, blocks = inlined(math), make_energies(real, math, parts), make_blocks(real, math, parts)
@@ -207,7 +208,7 @@ def make_unit_passes(real: Any, math: str, parts: frozenset[str]) -> SimpleNames
 
 
 @cache
-def make_coarse_passes(real: Any, math: str) -> Any:
+def make_coarse_passes(real: Real, math: str) -> Callable:
     """Make coarse_pass(kind, solver, shared, sums): for all blocks, over groups, pairs of them, or
     bodies."""
     level, band, inline = make_coarse(real, math), make_band(real, math), inlined(math)
@@ -246,7 +247,7 @@ def make_coarse_passes(real: Any, math: str) -> Any:
 
 
 @cache
-def make_quick_passes(real: Any, math: str) -> Any:
+def make_quick_passes(real: Real, math: str) -> Callable:
     """Make quick_pass(kind, particles, solver, flip, values, shared, sums): for all blocks, the
     passes of conjugate gradients in `fast` math.
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
 from softlab.gpu_backend.contact.pins import make_pins
 from softlab.gpu_backend.core.compile import inlined
 from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.model.base.types import Real
 from softlab.model.contact.cloth_parameters import P_MOTION
 from softlab.model.formulas import cloth
 
@@ -18,7 +18,7 @@ MOTION = "motion"  # among the parts
 
 
 @cache
-def make_driven(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+def make_driven(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Make `driven(k, b, pins, world, number)` -> (x, y, z, vx, vy, vz): the pinned particle k, which was at `b` (a
     quad), at the end of substep `number`: at rest there, unless it follows a motion. `moves`: true if any pin does."""
     inline, moves = inlined(math), MOTION in parts

@@ -10,9 +10,9 @@ the old one: two alternating arrays.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from numba import cuda
@@ -23,6 +23,7 @@ from softlab.gpu_backend.core.quads import load_quad, store_quad
 from softlab.gpu_backend.tetrahedra.newton_coarse import make_arm
 from softlab.gpu_backend.tetrahedra.newton_elements import make_block_access
 from softlab.gpu_backend.tetrahedra.newton_sums import TEAM, make_quick_sums, make_sums
+from softlab.model.base.types import Real
 from softlab.model.formulas.elastic import coarse as formulas_of
 from softlab.model.formulas.elastic import descent, newton, solving
 from softlab.model.formulas.elastic.newton import SOLVE
@@ -31,7 +32,7 @@ from softlab.model.tetrahedra.newton import SUMMED
 
 
 @cache
-def make_residual(real: Any, math: str) -> Any:
+def make_residual(real: Real, math: str) -> Callable:
     """Make residual_of(kind, k, particles, v, flip, alpha): the residual of particle k (three numbers), at a solve's
     start or after a step along the direction."""
     moved, zero = device_formulas(newton, real, math).moved, real(0)
@@ -58,7 +59,7 @@ def make_residual(real: Any, math: str) -> Any:
 
 
 @cache
-def make_quick_groups(real: Any, math: str) -> SimpleNamespace:
+def make_quick_groups(real: Real, math: str) -> SimpleNamespace:
     """Make `advance(kind, group, particles, solver, flip, alpha, shared)`, the residual of the group's
     particles and its restriction, and `correct(group, particles, solver, shared, parts)`, the
     preconditioned residual. `flip`: which of the two directions is the last one."""
@@ -136,7 +137,7 @@ def make_quick_groups(real: Any, math: str) -> SimpleNamespace:
 
 
 @cache
-def make_quick_product(real: Any, math: str) -> Any:
+def make_quick_product(real: Real, math: str) -> Callable:
     """Make product(group, particles, solver, flip, beta, shared, parts): for SUMMED particles, the new
     direction and its product with the matrix, four threads per row; `flip`: which of the two directions is the old
     one."""
@@ -181,7 +182,7 @@ def make_quick_product(real: Any, math: str) -> Any:
 
 
 @cache
-def make_invert(real: Any, math: str) -> Any:
+def make_invert(real: Real, math: str) -> Callable:
     """Make invert(column, solver, shared): for a team, one column of the inverse of a body's coarse matrix; data
     of the next row is loaded while one is processed."""
     inline, synchronize_team, zero, one = inlined(math), make_sums(real, math).synchronize_team, real(0), real(1)

@@ -6,9 +6,9 @@ As cpu_backend/tetrahedra/newton_rows.py. Vectors are quads; those of a pinned p
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
@@ -18,13 +18,14 @@ from softlab.gpu_backend.core.quads import load_quad, store_quad
 from softlab.gpu_backend.tetrahedra.newton_contact import make_contact
 from softlab.gpu_backend.tetrahedra.newton_elements import make_block_access
 from softlab.gpu_backend.tetrahedra.springs import make_pulled
+from softlab.model.base.types import Real
 from softlab.model.formulas.elastic import descent, newton, solving
 from softlab.model.formulas.elastic.newton import AHEAD, CORRECT, DIRECTION, MOVE, PRODUCT, RETURN, SOLVE, UPDATE
 from softlab.model.tetrahedra.springs import PARTS
 
 
 @cache
-def make_rows(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+def make_rows(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Make `gather`, `apply` and `settle_row`.
 
     `gather(n, rows, element_blocks)`: block n of the rows, summed over its tetrahedra and springs; `apply(k, rows, blocks,
@@ -92,7 +93,7 @@ def make_rows(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
 
 
 @cache
-def make_solving(real: Any, math: str, apply: Any) -> Any:
+def make_solving(real: Real, math: str, apply: Callable) -> Callable:
     """Make solving(kind, k, particles, solver, added, alpha, beta): particle k's summand in that pass of
     conjugate gradients; `added`: the coarse level's correction of the residual there."""
     inline, moved = inlined(math), device_formulas(newton, real, math).moved
@@ -132,7 +133,7 @@ def make_solving(real: Any, math: str, apply: Any) -> Any:
 
 
 @cache
-def make_moving(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+def make_moving(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Make `weigh(k, solver, world, number)`, the potential's gradient at particle k and its energy without
     tetrahedra, and `move(kind, k, v, fraction)`, the passes that only move it, with its summand in MOVE."""
     inline, formulas = inlined(math), device_formulas(newton, real, math)

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from numba import cuda
 
 from softlab.gpu_backend.core.compile import inlined
 from softlab.gpu_backend.core.device import simulated
+from softlab.model.base.types import Real
 from softlab.model.tetrahedra.newton import SUMMED
 
 TEAM = 32  # threads
@@ -27,7 +27,7 @@ EVERY = 0xFFFFFFFF  # lanes of a warp
 
 
 @cache
-def make_sums(real: Any, math: str) -> SimpleNamespace:
+def make_sums(real: Real, math: str) -> SimpleNamespace:
     """Make `synchronize_team`, `add_groups`, `total` and `add_team`.
 
     `synchronize_team()`: a barrier of a team. `add_groups(shared, sums, width, group, count, parts)`: of the `sums` x UNIT
@@ -95,7 +95,7 @@ def make_sums(real: Any, math: str) -> SimpleNamespace:
 
 
 @cache
-def make_quick_sums(real: Any, math: str) -> SimpleNamespace:
+def make_quick_sums(real: Real, math: str) -> SimpleNamespace:
     """Make `of_block`, `of_team`, `of_four`, `put` and `slots`. All threads of a block must call them.
 
     `of_block(shared, base, x)`: the sum of all threads' x, for each of them; `of_team(shared, x)`: of a team's, for its
@@ -167,7 +167,7 @@ def make_quick_sums(real: Any, math: str) -> SimpleNamespace:
 
 
 @cache
-def make_quick_totals(real: Any, math: str) -> SimpleNamespace:
+def make_quick_totals(real: Real, math: str) -> SimpleNamespace:
     """Make `add_groups` and `total` of `make_sums`, by warps; the first of groups gets all of a block's, the others
     zero."""
     inline, quick, zero = inlined(math), make_quick_sums(real, math), real(0)

@@ -20,14 +20,13 @@ from __future__ import annotations
 
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from numba import cuda
 
 from softlab.gpu_backend.contact.motion import make_motion
 from softlab.gpu_backend.core.blocks import PATIENCE, raise_flag, read_flag
-from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
+from softlab.gpu_backend.core.compile import Kernel, inlined, kernel_options, make_kernel, variant_name
 from softlab.gpu_backend.core.constraints import make_constants, make_run
 from softlab.gpu_backend.core.device import ALIGNMENT, simulated
 from softlab.gpu_backend.core.forces import make_forces
@@ -46,11 +45,12 @@ from softlab.gpu_backend.tetrahedra.slabs import (
     SHARED,
     STARTS,
 )
+from softlab.model.base.types import Real
 from softlab.model.particles.constraints import Projection
 
 
 @cache
-def make_exchange(real: Any, math: str) -> SimpleNamespace:
+def make_exchange(real: Real, math: str) -> SimpleNamespace:
     """Make `send_border(messages, at, quads, first, count, tag)` and `hear(messages, at, quads, first, count, tag, failed)`,
     run by the threads of a block together: send vertices `first` ... of the slab, in the messages from `at` on, and
     wait for such messages."""
@@ -85,7 +85,7 @@ def make_exchange(real: Any, math: str) -> SimpleNamespace:
 
 
 @cache
-def make_turn(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+def make_turn(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Make, for one mass, `begin(p, v, particle, world, step)`, the prediction from the state, and `end(before, now,
     world, number)` -> (position, velocity) after substep `number`; all quads."""
     forces, motion = make_forces(real, math, parts), make_motion(real, math, parts, AXES)
@@ -113,7 +113,7 @@ def make_turn(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
 
 
 @cache
-def make_sweep(real: Any, math: str, projection: Projection) -> SimpleNamespace:
+def make_sweep(real: Real, math: str, projection: Projection) -> SimpleNamespace:
     """Make `ahead` and `sweep`.
 
     `ahead(colour, starts, tables, corners, values, count)`: (first run of a colour, how many, data of this thread's
@@ -166,7 +166,7 @@ def make_sweep(real: Any, math: str, projection: Projection) -> SimpleNamespace:
 
 
 @cache
-def make_tetrahedra_resident(real: Any, math: str, parts: frozenset[str], projection: Projection) -> Any:
+def make_tetrahedra_resident(real: Real, math: str, parts: frozenset[str], projection: Projection) -> Kernel:
     """Compile kernel(position, velocity, new_position, new_velocity, tables, corners, values, multipliers, messages,
     borders, epoch, failed, record, bodies, integers, counter, early, colours, size, largest, steps, substeps,
     iterations): `steps` steps of the bodies of one set, from the old state to the new one.

@@ -9,7 +9,7 @@ import numpy as np
 from numba import cuda
 
 from softlab.gpu_backend.core.constraints import device_corners
-from softlab.gpu_backend.core.device import device_limits
+from softlab.gpu_backend.core.device import Arguments, device_limits
 from softlab.gpu_backend.core.forces import forces_of
 from softlab.gpu_backend.core.launch import prepare
 from softlab.gpu_backend.core.messages import message_size
@@ -17,6 +17,7 @@ from softlab.gpu_backend.core.quads import pack
 from softlab.gpu_backend.tetrahedra.resident import make_tetrahedra_resident
 from softlab.gpu_backend.tetrahedra.slabs import MOST_THREADS, Slabs, make_slabs
 from softlab.model.base.errors import BackendUnavailable, SceneError
+from softlab.model.base.types import Real
 from softlab.model.contact.attachments import CORNERS, part_of
 from softlab.model.particles.constraints import ConstraintSet, Projection
 from softlab.model.position_based.mesh_plan import BODY_DAMPING, TOUCHING
@@ -57,7 +58,7 @@ def layers_of(kernel: str) -> int | None:
 
 
 def chosen_slabs(
-    scene: Scene, real: Any, layers: int | None, limits: tuple[int, int] | None = None
+    scene: Scene, real: Real, layers: int | None, limits: tuple[int, int] | None = None
 ) -> list[Slabs]:  # fmt: skip
     """Return the slabs of each set, of `layers` each, or the thinnest that all run at once on this GPU, or on one of
     `limits` (see `device_limits`). Raises SceneError if there are none."""
@@ -67,7 +68,7 @@ def chosen_slabs(
     return [_slabs(tetrahedra_set, *each, real, layers, limits) for each in both]
 
 
-def default_slabs(scene: Scene, real: Any, limits: tuple[int, int] | None = None) -> list[Slabs]:
+def default_slabs(scene: Scene, real: Real, limits: tuple[int, int] | None = None) -> list[Slabs]:
     """Return the slabs with which `resident` is the scene's default; none if it cannot run, or if a block would need
     several turns per colour: launches are as fast then."""
     try:
@@ -81,7 +82,7 @@ def _slabs(
     tetrahedra_set: Any,
     one: ConstraintSet,
     tetrahedra: np.ndarray,
-    real: Any,
+    real: Real,
     layers: int | None,
     limits: tuple[int, int],
 ) -> Slabs:
@@ -134,7 +135,7 @@ class ResidentSet:
         self._grid = slabs.count, slabs.threads, simulation.stream, shared
         prepare(self._kernel, self._arguments(1), shared, cooperative=True)
 
-    def _arguments(self, steps: int) -> tuple[Any, ...]:
+    def _arguments(self, steps: int) -> Arguments:
         s, slabs, method = self.simulation, self.slabs, self.simulation.scene.method
         source, target = s._current, 1 - s._current
         return (

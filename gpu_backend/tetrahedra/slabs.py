@@ -12,6 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from softlab.model.base.types import Real
 from softlab.model.particles.constraints import ConstraintSet
 from softlab.model.particles.tetrahedra_set import TetrahedraSet
 
@@ -54,7 +55,7 @@ class Slabs:
         """Threads of a block: whole warps, one per run of a colour, but no more than MOST_THREADS."""
         return min(MOST_THREADS, -(-max(self.widest, min(self.largest, ENOUGH_THREADS)) // 32) * 32)
 
-    def shared_bytes(self, real: type) -> int:
+    def shared_bytes(self, real: Real) -> int:
         """Return the bytes of a block's shared memory."""
         return QUADS * 4 * self.largest * np.dtype(real).itemsize
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from numba import cuda
@@ -13,11 +12,12 @@ from numba import cuda
 from softlab.gpu_backend.core.compile import kernel_options, make_kernels, variant_name
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.quads import load_quad, store_quad
+from softlab.model.base.types import Real
 from softlab.model.formulas.elastic import sleep
 
 
 @cache
-def make_sleep(real: Any, math: str) -> SimpleNamespace:
+def make_sleep(real: Real, math: str) -> SimpleNamespace:
     """Compile `find_slow(velocity, earlier, slow, speed, record)`, which marks slow vertices, and
     `restore_resting(before, position, velocity, earlier, slow, offsets, neighbours)`, which resets positions and
     velocities.
@@ -28,13 +28,13 @@ def make_sleep(real: Any, math: str) -> SimpleNamespace:
     zero, next_one = real(0), np.int32(1)
 
     def find_slow(velocity, earlier, slow, speed, record):
-        k, parameters = np.int32(cuda.grid(1)), record[0]  # type: ignore[call-arg]
+        k, parameters = np.int32(cuda.grid(1)), record[0]
         if k < slow.size:
             v, w = load_quad(velocity, k), load_quad(earlier, k)
             slow[k] = 1 if is_slow(v, w, speed, parameters.gravity, parameters.dt) else 0
 
     def restore_resting(before, position, velocity, earlier, slow, offsets, neighbours):
-        k = np.int32(cuda.grid(1))  # type: ignore[call-arg]
+        k = np.int32(cuda.grid(1))
         if k < slow.size:
             p, v = load_quad(position, k), load_quad(velocity, k)
             still = slow[k] == 1 and p[3] > zero

@@ -15,7 +15,7 @@ import numpy as np
 from numba import cuda
 
 from softlab.gpu_backend.contact.surfaces import SurfaceContacts, surface_contact_bytes
-from softlab.gpu_backend.core.device import simulated
+from softlab.gpu_backend.core.device import DeviceArray, simulated
 from softlab.gpu_backend.core.substeps import launched_kernel
 from softlab.gpu_backend.position_based.mesh import MeshPositionBased
 from softlab.gpu_backend.tetrahedra.resident_launch import (
@@ -78,7 +78,7 @@ class Tetrahedra(MeshPositionBased):
             self._near = self.on_device(near.offsets), self.on_device(near.indices)
             self._sleeping_speed = self.real(method.sleeping_speed)
 
-    def _restore_resting(self, before: Any, position: Any, velocity: Any) -> None:
+    def _restore_resting(self, before: DeviceArray, position: DeviceArray, velocity: DeviceArray) -> None:
         kernels, slow = self._sleepers, self._slow_ones
         kernels.find_slow[self._flat](velocity, self._earlier, slow, self._sleeping_speed, self.record)
         kernels.restore_resting[self._flat](before, position, velocity, self._earlier, slow, *self._near)

@@ -5,19 +5,20 @@ Corners and values are flat, spring by spring.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
-from typing import Any
 
 import numpy as np
 
 from softlab.gpu_backend.core.compile import inlined
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.quads import load_quad
+from softlab.model.base.types import Real
 from softlab.model.formulas.elastic import spring
 
 
 @cache
-def make_pulled(real: Any, math: str) -> Any:
+def make_pulled(real: Real, math: str) -> Callable:
     """Make pulled(k, position, springs): the sum over all springs of particle k, in their
     order.
 

@@ -11,16 +11,18 @@ import numpy as np
 from numba import cuda
 
 from softlab.gpu_backend.core.compile import make_kernels, variant_name
+from softlab.gpu_backend.core.device import Stream
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
 from softlab.gpu_backend.core.substeps import SubstepSimulation
+from softlab.model.base.types import Real
 from softlab.model.formulas.elastic import descent
 
 THREADS = 128
 
 
 @cache
-def make_transfers(real: Any) -> SimpleNamespace:
+def make_transfers(real: Real) -> SimpleNamespace:
     """Compile `take`, `give` and `carry`.
 
     `take(quads, particles, first, rows)`: quad first + k is that of particles[k]; `give(rows, weights, particles,
@@ -30,19 +32,19 @@ def make_transfers(real: Any) -> SimpleNamespace:
     zero, carried = real(0), device_formulas(descent, real, "exact").carried
 
     def take(quads, particles, first, rows):
-        k = np.int64(cuda.grid(1))  # type: ignore[call-arg]
+        k = np.int64(cuda.grid(1))
         if k < particles.size:
             p = load_quad(quads, particles[k])
             store_quad(rows, first + k, p[0], p[1], p[2], p[3])
 
     def give(rows, weights, particles, first, quads):
-        k = np.int64(cuda.grid(1))  # type: ignore[call-arg]
+        k = np.int64(cuda.grid(1))
         if k < particles.size and weights[first + k] > zero:
             p = load_quad(rows, first + k)
             store_quad(quads, particles[k], p[0], p[1], p[2], load_quad(quads, particles[k])[3])
 
     def carry(rows, weights, particles, first, quads, inertial):
-        k = np.int64(cuda.grid(1))  # type: ignore[call-arg]
+        k = np.int64(cuda.grid(1))
         if k < particles.size and weights[first + k] > zero:
             at = particles[k]
             p, q, y = load_quad(rows, first + k), load_quad(quads, at), load_quad(inertial, at)
@@ -58,7 +60,7 @@ class Joined:
 
     def __init__(
         self, particles: np.ndarray, members: Mapping[str, SubstepSimulation], slices: Mapping[str, slice],
-        weights: np.ndarray, stream: Any,
+        weights: np.ndarray, stream: Stream,
     ):  # fmt: skip
         real = next(iter(members.values())).real
         self.weights = np.ascontiguousarray(weights[particles], real)

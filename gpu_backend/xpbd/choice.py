@@ -12,13 +12,13 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from typing import Any
 
 from softlab.gpu_backend.core.device import device_limits
 from softlab.gpu_backend.core.launch import can_capture
 from softlab.gpu_backend.xpbd.sweep import shared_bytes
 from softlab.gpu_backend.xpbd.tile import SheetTile, span, whole
 from softlab.model.base.errors import SceneError
+from softlab.model.base.types import Real
 from softlab.model.core.options import unknown_kernel
 from softlab.model.position_based.plan import colour_order, families
 from softlab.model.scene.scene import Scene
@@ -100,7 +100,7 @@ def estimate(scene: Scene, parts: frozenset[str], choice: Choice, processors: in
     return LAUNCH / choice.depth + _sweep_time(parts, masses)
 
 
-def best_tiled(scene: Scene, real: Any, parts: frozenset[str], limits: tuple[int, int]) -> Choice | None:
+def best_tiled(scene: Scene, real: Real, parts: frozenset[str], limits: tuple[int, int]) -> Choice | None:
     """Return `tiled` with the tile that should be fastest, or None if none fits a block."""
     choices, most = [], ONE_BLOCK_MASSES if "gauss-seidel" in parts else MAX_THREADS
     for depth in range(1, min(MAX_DEPTH, scene.method.iterations) + 1):
@@ -112,7 +112,7 @@ def best_tiled(scene: Scene, real: Any, parts: frozenset[str], limits: tuple[int
     return min(choices, key=lambda choice: estimate(scene, parts, choice, limits[0]), default=None)
 
 
-def why_not_one_block(scene: Scene, real: Any, parts: frozenset[str], limits: tuple[int, int]) -> str:
+def why_not_one_block(scene: Scene, real: Real, parts: frozenset[str], limits: tuple[int, int]) -> str:
     """Return the reason why the kernel `one-block` cannot run the scene, or ""."""
     masses = scene.grid.particle_count
     if masses > ONE_BLOCK_MASSES:
@@ -124,7 +124,7 @@ def why_not_one_block(scene: Scene, real: Any, parts: frozenset[str], limits: tu
 
 
 def default_xpbd_kernel(
-    scene: Scene, real: Any, parts: frozenset[str], limits: tuple[int, int] | None = None
+    scene: Scene, real: Real, parts: frozenset[str], limits: tuple[int, int] | None = None
 ) -> tuple[str, str]:
     """Return (kernel, reason) for a scene without a choice.
 
@@ -139,7 +139,7 @@ def default_xpbd_kernel(
     return choice.name, f"{estimate(scene, parts, choice, limits[0]):.2g} us an iteration by the estimate"
 
 
-def default_choice(scene: Scene, real: Any, parts: frozenset[str], limits: tuple[int, int]) -> Choice:
+def default_choice(scene: Scene, real: Real, parts: frozenset[str], limits: tuple[int, int]) -> Choice:
     """Return the kernel that should be fastest."""
     if scene.self_collision or scene.method.matches_shapes:
         return Choice("graph")
@@ -152,7 +152,7 @@ def default_choice(scene: Scene, real: Any, parts: frozenset[str], limits: tuple
     return min(choices, key=lambda choice: estimate(scene, parts, choice, limits[0]))
 
 
-def xpbd_kernel(scene: Scene, real: Any, parts: frozenset[str], asked: str | None) -> Choice:
+def xpbd_kernel(scene: Scene, real: Real, parts: frozenset[str], asked: str | None) -> Choice:
     """Return the kernel asked for, or the default. Raises SceneError for one that cannot run the scene.
 
     Also as `one-block:THREADS` or `tiled:ROWSxCOLUMNSxTHREADSdDEPTH`: a tile that owns so many rows and columns.
@@ -182,7 +182,7 @@ def xpbd_kernel(scene: Scene, real: Any, parts: frozenset[str], asked: str | Non
     return Choice("one-block", block_tile(scene, threads))
 
 
-def _tiled(scene: Scene, real: Any, parts: frozenset[str], asked: str, name: str, limits: tuple[int, int]) -> Choice:
+def _tiled(scene: Scene, real: Real, parts: frozenset[str], asked: str, name: str, limits: tuple[int, int]) -> Choice:
     """Return the choice `tiled`, on the tile of that name if there is one."""
     if not name:
         choice = best_tiled(scene, real, parts, limits)

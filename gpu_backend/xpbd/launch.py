@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from softlab.gpu_backend.core.device import Arguments
 from softlab.gpu_backend.core.launch import prepare
 from softlab.gpu_backend.position_based.kernels import multiplier_planes
 from softlab.gpu_backend.xpbd.choice import Choice
@@ -27,7 +28,7 @@ class BlockLauncher:
         self._shared = shared_bytes(simulation.real, parts, self.tile)
         prepare(self._kernel, self._arguments(1), self._shared)
 
-    def _arguments(self, steps: int) -> tuple[Any, ...]:
+    def _arguments(self, steps: int) -> Arguments:
         sim, method = self.simulation, self.simulation.scene.method
         return (
             sim.position[sim._current], sim.velocity[sim._current], sim.anchors, sim.reaches, np.int32(sim.attachments),
@@ -68,7 +69,7 @@ class TiledLauncher:
         """Number of launches of a substep."""
         return -(-self.simulation.scene.method.iterations // self.depth)
 
-    def _arguments(self, place: int, substep: int, launch: int, launches: int) -> tuple[Any, ...]:
+    def _arguments(self, place: int, substep: int, launch: int, launches: int) -> Arguments:
         sim, method = self.simulation, self.simulation.scene.method
         now = sim._current
         ahead = (launches - 1 - launch) % 2  # the last launch writes the new state, those before it alternate

@@ -14,13 +14,12 @@ xpbd/choice.py chooses one. In `exact` math all give the same bits as the CPU.
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from numba import cuda
 
 from softlab.gpu_backend.contact.self_contact import Contacts, contact_bytes
-from softlab.gpu_backend.core.device import simulated
+from softlab.gpu_backend.core.device import DeviceArray, simulated
 from softlab.gpu_backend.core.launch import Graphs, can_capture
 from softlab.gpu_backend.core.quads import SIZE
 from softlab.gpu_backend.core.sheet import BLOCK, make_cloth_tools
@@ -153,18 +152,18 @@ class PositionBased(SubstepSimulation):
             plane = soft.index(family) if family in soft else 0
             self._colours.append((kernel, (blocks, BLOCK, self.stream), np.int32(plane)))
 
-    def project_colour(self, entry: int, before: Any, position: Any, fresh: bool) -> None:
+    def project_colour(self, entry: int, before: DeviceArray, position: DeviceArray, fresh: bool) -> None:
         """Project the constraints of one colour; `fresh`: in a substep's first iteration."""
         kernel, launch, plane = self._colours[entry]
         kernel[launch](position, before, self.multipliers, plane, np.int32(fresh), self.record, *self.shape)
 
-    def project_all(self, before: Any, position: Any, target: Any, fresh: bool) -> None:
+    def project_all(self, before: DeviceArray, position: DeviceArray, target: DeviceArray, fresh: bool) -> None:
         """Do one Jacobi iteration from `position` to `target`."""
         self._jacobi[self._grid](
             position, before, target, self.multipliers, np.int32(fresh), self.record, *self.shape
         )  # fmt: skip
 
-    def attach(self, before: Any, position: Any) -> None:
+    def attach(self, before: DeviceArray, position: DeviceArray) -> None:
         if self.attachments:
             self._attach[self._flat](position, before, self.anchors, self.reaches, np.int32(self.attachments))
 

@@ -7,7 +7,7 @@ After each colour the block's threads synchronise; no colour is a launch.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
 from typing import Any
 
@@ -21,6 +21,7 @@ from softlab.gpu_backend.position_based.constraints import KINDS, compliant, dam
 from softlab.gpu_backend.position_based.gather import make_gather
 from softlab.gpu_backend.position_based.kernels import compact_shape
 from softlab.gpu_backend.xpbd.tile import SheetTile
+from softlab.model.base.types import Real
 from softlab.model.position_based.plan import Family, colour_order
 
 
@@ -50,13 +51,13 @@ def copies(parts: frozenset[str]) -> int:
     return (1 if "gauss-seidel" in parts else 2) + dampers(parts)
 
 
-def shared_bytes(real: Any, parts: frozenset[str], tile: SheetTile) -> int:
-    """Return the bytes of the arrays of a block with such a tile."""
+def shared_bytes(real: Real, parts: frozenset[str], tile: SheetTile) -> int:
+    """Return the bytes of shared memory of a block with this tile."""
     return copies(parts) * tile.quads * 4 * np.dtype(real).itemsize
 
 
 @cache
-def make_lattice(math: str, height: int, width: int, down_columns: bool) -> Any:
+def make_lattice(math: str, height: int, width: int, down_columns: bool) -> Callable:
     """Make spot(item) -> (i, j): item number of height x width, along rows, or down columns so that the threads of a
     warp are below one another: with an odd pitch neither direction has bank conflicts."""
     across, down = np.uint32(width), np.uint32(height)
@@ -72,7 +73,7 @@ def make_lattice(math: str, height: int, width: int, down_columns: bool) -> Any:
 
 
 @cache
-def make_constraint_place(math: str, tile: SheetTile, family: Family, colour: int) -> Any:
+def make_constraint_place(math: str, tile: SheetTile, family: Family, colour: int) -> Callable:
     """Make constraint_place(slot) -> (true if it exists, i, j) of a thread's constraint of a colour, within the
     tile."""
     by_rows = family.rows > 0
@@ -98,9 +99,9 @@ def make_constraint_place(math: str, tile: SheetTile, family: Family, colour: in
 
 @cache
 def make_colour_sweep(
-    real: Any, math: str, parts: frozenset[str], axes: int, tile: SheetTile, family: Family, colour: int,
+    real: Real, math: str, parts: frozenset[str], axes: int, tile: SheetTile, family: Family, colour: int,
     first_slot: int,
-) -> Any:  # fmt: skip
+) -> Callable:  # fmt: skip
     """Make sweep(positions, before, multipliers, constants, bounds): one colour, with a barrier at its end.
 
     `bounds`: (first row, end, first column, end) of the tile's masses that are on the sheet. Multipliers begin at
@@ -132,7 +133,7 @@ def make_colour_sweep(
     return sweep
 
 
-def chained(math: str, functions: Sequence[Any]) -> Any:
+def chained(math: str, functions: Sequence[Any]) -> Callable:
     """Make a device function that calls all of them, in order, with its five arguments."""
     inline = inlined(math)
     if not functions:
@@ -153,7 +154,7 @@ def chained(math: str, functions: Sequence[Any]) -> Any:
 
 
 @cache
-def make_sweep(real: Any, math: str, parts: frozenset[str], axes: int, tile: SheetTile) -> Any:
+def make_sweep(real: Real, math: str, parts: frozenset[str], axes: int, tile: SheetTile) -> Callable:
     """Make sweep(positions, before, multipliers, constants, bounds): all colours of Gauss-Seidel."""
     functions, slot = [], 0
     for family, colour in colour_order(parts):
@@ -163,7 +164,7 @@ def make_sweep(real: Any, math: str, parts: frozenset[str], axes: int, tile: She
 
 
 @cache
-def make_jacobi_sweep(real: Any, math: str, parts: frozenset[str], axes: int, tile: SheetTile) -> Any:
+def make_jacobi_sweep(real: Real, math: str, parts: frozenset[str], axes: int, tile: SheetTile) -> Callable:
     """Make sweep(positions, old, before, multipliers, constants, bounds, state, origin, rows, columns): one Jacobi
     iteration.
 
@@ -180,7 +181,7 @@ def make_jacobi_sweep(real: Any, math: str, parts: frozenset[str], axes: int, ti
     pitch, quads, one, zero = np.int32(tile.pitch), np.int32(tile.quads), np.int32(1), real(0)
     inline = inlined(math)
 
-    def make_move(slot: int) -> Any:
+    def make_move(slot: int) -> Callable:
         """Make the move of one of a thread's masses. Each is a separate function: in a loop, which the compiler does
         not unroll around so much code, multipliers would be in local memory."""
         first_item, first = np.int32(slot * threads), np.int32(slot * slots)

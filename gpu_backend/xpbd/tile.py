@@ -53,7 +53,7 @@ class SheetTile:
 
     @property
     def name(self) -> str:
-        """Such as 40x48_32x32_2m2_512: loaded, owned, phases, threads."""
+        """Name of the tile, such as 40x48_32x32_2m2_512: loaded, owned, phases, threads."""
         sizes = f"{self.rows.size}x{self.columns.size}_{self.rows.owned}x{self.columns.owned}"
         begins = f"{self.rows.before}b{-self.rows.start}_{self.columns.before}b{-self.columns.start}"
         return f"{sizes}_{begins}_{self.threads}"

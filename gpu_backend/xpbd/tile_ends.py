@@ -6,6 +6,7 @@ the halo.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
 from typing import Any, NamedTuple
@@ -22,10 +23,11 @@ from softlab.gpu_backend.position_based.gather import make_gather
 from softlab.gpu_backend.position_based.point import make_accelerations, make_tethers
 from softlab.gpu_backend.xpbd.sweep import colour_slots, make_constraint_place, make_lattice, masses_each
 from softlab.gpu_backend.xpbd.tile import SheetTile
+from softlab.model.base.types import Real
 from softlab.model.position_based.plan import colour_order, families
 
 
-def _make_places(math: str, tile: SheetTile) -> tuple[Any, Any]:
+def _make_places(math: str, tile: SheetTile) -> tuple[Callable, Callable]:
     """Make `mass` and `owned`, for number `slot` of a thread's masses."""
     spot, pitch = make_lattice(math, tile.rows.size, tile.columns.size, False), np.int32(tile.pitch)
     masses, threads = np.int32(tile.rows.size * tile.columns.size), np.int32(tile.threads)
@@ -64,7 +66,7 @@ class Tethers(NamedTuple):
 
 
 @cache
-def make_tile_ends(real: Any, math: str, parts: frozenset[str], axes: int, tile: SheetTile) -> SimpleNamespace:
+def make_tile_ends(real: Real, math: str, parts: frozenset[str], axes: int, tile: SheetTile) -> SimpleNamespace:
     """Make the transfers of a tile to and from shared memory; `origin` is the position of its first mass in the sheet.
 
     - `open_substep`: predicts from the state; `load`: reads the results of the previous launch;
@@ -147,7 +149,7 @@ def make_tile_ends(real: Any, math: str, parts: frozenset[str], axes: int, tile:
 
 
 @cache
-def make_multiplier_moves(real: Any, math: str, parts: frozenset[str], axes: int, tile: SheetTile) -> SimpleNamespace:
+def make_multiplier_moves(real: Real, math: str, parts: frozenset[str], axes: int, tile: SheetTile) -> SimpleNamespace:
     """Make `fetch(multipliers, planes, origin, rows, columns)` and `leave(...)`.
 
     `fetch`: a thread's multipliers from the planes of the previous launch, including the halo; `leave`: those of owned
@@ -164,7 +166,7 @@ def make_multiplier_moves(real: Any, math: str, parts: frozenset[str], axes: int
             moves.append(_colour_moves(math, tile, family, colour, slot, plane_of[family]))
             slot += colour_slots(tile, family)
 
-    def run_all(functions: list[Any]) -> Any:
+    def run_all(functions: list[Any]) -> Callable:
         if not functions:
 
             @inline
@@ -184,7 +186,9 @@ def make_multiplier_moves(real: Any, math: str, parts: frozenset[str], axes: int
     return SimpleNamespace(fetch=run_all([f for f, _ in moves]), leave=run_all([s for _, s in moves]))
 
 
-def _colour_moves(math: str, tile: SheetTile, family: Any, colour: int, first_slot: int, plane: int) -> tuple[Any, Any]:
+def _colour_moves(
+    math: str, tile: SheetTile, family: Any, colour: int, first_slot: int, plane: int
+) -> tuple[Callable, Callable]:
     """Make fetch and leave of one colour."""
     constraint_place, slots = make_constraint_place(math, tile, family, colour), colour_slots(tile, family)
     down, along = np.int32(family.rows), np.int32(abs(family.columns))

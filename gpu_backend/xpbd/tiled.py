@@ -8,13 +8,13 @@ another.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
-from typing import Any
 
 import numpy as np
 from numba import cuda
 
-from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
+from softlab.gpu_backend.core.compile import Kernel, inlined, kernel_options, make_kernel, variant_name
 from softlab.gpu_backend.core.device import ALIGNMENT, simulated
 from softlab.gpu_backend.core.integers import make_clock
 from softlab.gpu_backend.core.wind import make_block_air
@@ -23,11 +23,12 @@ from softlab.gpu_backend.position_based.constraints import dampers, make_constan
 from softlab.gpu_backend.xpbd.sweep import copies, make_jacobi_sweep, make_sweep, register_multipliers
 from softlab.gpu_backend.xpbd.tile import SheetTile
 from softlab.gpu_backend.xpbd.tile_ends import Tethers, make_multiplier_moves, make_tile_ends
+from softlab.model.base.types import Real
 from softlab.model.position_based.plan import families
 
 
 @cache
-def make_iterate(real: Any, math: str, parts: frozenset[str], axes: int, tile: SheetTile) -> Any:
+def make_iterate(real: Real, math: str, parts: frozenset[str], axes: int, tile: SheetTile) -> Callable:
     """Make iterate(iterations, shared, before, multipliers, constants, bounds, tethers, origin, rows, columns), which
     returns the offset of the final positions in `shared`. `tethers`: a Tethers."""
     attach = make_tile_ends(real, math, parts, axes, tile).attach
@@ -62,7 +63,7 @@ def make_iterate(real: Any, math: str, parts: frozenset[str], axes: int, tile: S
 
 
 @cache
-def make_one_block(real: Any, math: str, parts: frozenset[str], axes: int, tile: SheetTile) -> Any:
+def make_one_block(real: Real, math: str, parts: frozenset[str], axes: int, tile: SheetTile) -> Kernel:
     """Compile one_block(position, velocity, anchors, reaches, count, record, bodies, integers, counter, steps,
     substeps, iterations, rows, columns): `steps` steps of the whole sheet, in place. Launched as one block of the
     tile's threads."""
@@ -105,7 +106,7 @@ def make_one_block(real: Any, math: str, parts: frozenset[str], axes: int, tile:
 
 
 @cache
-def make_tiled(real: Any, math: str, parts: frozenset[str], axes: int, tile: SheetTile) -> Any:
+def make_tiled(real: Real, math: str, parts: frozenset[str], axes: int, tile: SheetTile) -> Kernel:
     """Compile tiled(state, velocity, source, target, new_velocity, planes, new_planes, anchors, reaches, count, record,
     bodies, integers, counter, place, substeps, substep, opening, closing, iterations, rows, columns): some iterations
     of a substep.

@@ -1,6 +1,7 @@
-"""Bodies kept on disk: made once for a mesh, its parameters and the code that made them, loaded ever after.
+"""Cache of bodies on disk.
 
-A file's name is the hash of all that; what lies in it are the arrays themselves, bit for bit.
+The name of a file is the hash of the mesh, its parameters and the code that makes the body; its content are the arrays,
+bit for bit.
 """
 
 from __future__ import annotations
@@ -59,8 +60,8 @@ def baked(
 
 
 def body_key(parameters: RigidBody, mesh: Source, scale: float = 1.0) -> str:
-    """32 hexadecimal digits of the mesh (a file's bytes, a shape's fields, or the arrays), of all parameters but the
-    material's, and of the code. Raises InputError (a file that cannot be read)."""
+    """Return 32 hexadecimal digits that identify the mesh (bytes of a file, fields of a shape, or the arrays), all
+    parameters but those of the material, and the code. Raises InputError (a file that cannot be read)."""
     digest = hashlib.sha256(f"{VERSION} {_sources()} {type(parameters).__name__} ".encode())
     digest.update(parameters.model_dump_json(exclude=set(MATERIAL)).encode())
     if isinstance(mesh, Shape):
@@ -93,7 +94,7 @@ def _mesh(mesh: Source, scale: float, inside: bool) -> Meshes:
 
 
 def _packed(body: BakedBody) -> dict[str, Any]:
-    """Arrays by name: nothing that would have to be pickled."""
+    """Return the body as arrays by name, without anything that needs pickling."""
     clusters, skin = body.clusters, body.skin
     return {
         "report": np.array(json.dumps(asdict(body.report))),

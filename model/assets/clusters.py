@@ -202,19 +202,6 @@ def binned(places: np.ndarray, weights: np.ndarray, count: int) -> np.ndarray:
     return np.bincount(places, weights, count).astype(np.float64)
 
 
-def stiffness_of_coefficient(coefficient: float, step: float) -> float:
-    """Return the stiffness w^2 [1/s^2] that moves a particle by `coefficient` in [0, 1] of the displacement to its goal
-    in a step [s].
-
-    From a = w^2 h^2 / (1 + w^2 h^2); 1 is rigid, inf. The meaning of a coefficient depends on the step for which it was
-    chosen.
-
-        >>> round(stiffness_of_coefficient(0.5, 0.1), 9)
-        100.0
-    """
-    return np.inf if coefficient == 1 else coefficient / ((1 - coefficient) * step**2)
-
-
 MAX_SUBSTEP = 1e150  # s: Python refuses the square of much more
 
 

@@ -1,5 +1,4 @@
-"""Tetrahedral bodies, cooked: made once of a mesh and its parameters, kept on disk, loaded ever after; and the file of one,
-for those who want it."""
+"""Tetrahedral bodies made from a mesh and parameters, cached on disk, and their file format (`softlab cook`)."""
 
 from __future__ import annotations
 
@@ -134,8 +133,8 @@ def load(path: str | Path) -> CookedBody:
 
 
 def body_key(source: Source, scale: float, parameters: str) -> str:
-    """32 hexadecimal digits of the source (a file's bytes, a shape's fields, the arrays), the parameters and the code. Raises
-    InputError (a file that cannot be read)."""
+    """Return 32 hexadecimal digits that identify the source (bytes of a file, fields of a shape, or the arrays), the
+    parameters and the code. Raises InputError (a file that cannot be read)."""
     digest = hashlib.sha256(f"{VERSION} {_sources()} {parameters} {scale!r} ".encode())
     if isinstance(source, Shape):
         digest.update(b"shape " + source.model_dump_json().encode())
@@ -177,12 +176,12 @@ def _named(source: Source, scale: float) -> Source:
 
 
 def is_settled(source: Source) -> bool:
-    """Return True for a file of tetrahedra, which are taken as they are."""
+    """Return True for a file of tetrahedra, which are used unchanged."""
     return isinstance(source, str | Path) and holds_tetrahedra(source)
 
 
 def _triangles(source: Source, scale: float, raw: bool) -> TriangleMesh | tuple[np.ndarray, np.ndarray]:
-    """Return the mesh; `raw`: as a file holds it, whatever it is."""
+    """Return the mesh of `source`. With `raw` the triangles of a file are returned unchecked and unrepaired."""
     if isinstance(source, Shape):
         return source.model_copy(update={"scale": source.scale * scale}).mesh()
     if isinstance(source, str | Path):
@@ -216,7 +215,7 @@ def _body_of_file(path: Path, scale: float) -> CookedBody:
 
 
 def _packed(body: CookedBody) -> dict[str, np.ndarray]:
-    """Arrays by name: nothing that would have to be pickled."""
+    """Return the body as arrays by name, without anything that needs pickling."""
     return {
         "version": np.array(VERSION),
         "report": np.array(json.dumps(asdict(body.report))),

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from softlab.model.assets.clusters import Clusters, matching_factor
+from softlab.model.base.types import Real
 from softlab.model.geometry.lists import Lists, offsets_of
 
 TABLE = 5  # rows of an axis's table
@@ -35,7 +36,7 @@ class Axis:
     mass: np.ndarray
     count: np.ndarray
 
-    def table(self, real: type) -> np.ndarray:
+    def table(self, real: Real) -> np.ndarray:
         """Return the kernels' table, (TABLE, n) in the arithmetic `real`, in the order of the T_ constants."""
         return np.stack([self.weight, self.inverse_mass, self.centre, self.mass, self.count]).astype(real)
 

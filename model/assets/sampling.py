@@ -80,7 +80,8 @@ def sample(body: Solid, spacing: float, volume_sampling: float, surface_sampling
 
 
 def _expected(body: Solid, spacing: float, volume_sampling: float, surface_sampling: float) -> float:
-    """Particles of a spacing [m], roughly and rather too many: cubes in the volume, squares on the surface."""
+    """Return a rough, rather high estimate of the number of particles of a spacing [m]: cubes in the volume, squares on
+    the surface."""
     inside = body.volume / spacing**3 if volume_sampling else 0.0
     return inside + (body.area / (CLOSEST * spacing) ** 2 if surface_sampling or volume_sampling > 1 else 0.0)
 

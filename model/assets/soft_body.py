@@ -195,12 +195,12 @@ class SoftBody(RigidBody):
 
     @property
     def spacing_of_clusters(self) -> float:
-        """[m]"""
+        """Distance between clusters [m]."""
         return SPACINGS * self.particle_spacing if self.cluster_spacing is None else self.cluster_spacing
 
     @property
     def radius_of_clusters(self) -> float:
-        """[m]"""
+        """Radius of clusters [m]."""
         return OVERLAP * self.spacing_of_clusters if self.cluster_radius is None else self.cluster_radius
 
     def _bind(self, position: np.ndarray, mass: np.ndarray, pieces: int) -> Binding:

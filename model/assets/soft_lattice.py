@@ -100,7 +100,7 @@ def fitting_spacing(sides: np.ndarray, spacing: float) -> float:
 
 
 def _notes(sides: np.ndarray, filled: np.ndarray, asked: float, spacing: float) -> list[str]:
-    """A sentence on how a lattice of the size `filled` (3,) [m] and a box differ, where they do."""
+    """Return a sentence on how a lattice of the size `filled` (3,) [m] differs from its box, if it does."""
     if spacing != asked:
         return [f"particles are {spacing:.6g} m apart, not {asked:g}, so that they fill the box exactly"]
     if np.allclose(filled, sides, rtol=FITTED, atol=0):

@@ -43,13 +43,14 @@ class CookedBody:
 
     @property
     def fraction(self) -> np.ndarray:
-        """(n,) float64: the share of its stiffness that each tetrahedron has, the volume of its part within the surface over
-        that of all of it, at least MIN_STIFFNESS."""
+        """Fraction of its stiffness that each tetrahedron has, (n,) float64: the volume of its part inside the surface
+        over its whole volume, at least MIN_STIFFNESS."""
         return np.maximum(mean_of_four(self.fractions), MIN_STIFFNESS)
 
     @property
     def per_voxel(self) -> int:
-        """Tetrahedra a voxel, 5 (the first is twice as large as the others) or 6; 0 of a body that is not of voxels."""
+        """Tetrahedra per voxel: 5 (the first is twice as large as the others) or 6; 0 for a body that is not made of
+        voxels."""
         if not len(self.voxel):
             return 0
         first, second = self.mesh.volumes[:2]
@@ -93,7 +94,7 @@ def body_of_surface(
 
 
 def body_of_tetrahedra(mesh: TetrahedralMesh, notes: tuple[str, ...]) -> CookedBody:
-    """Return the body of given tetrahedra, which carry their own surface."""
+    """Return the body of these tetrahedra; its skin is their outer surface."""
     number, triangles = np.unique(mesh.surface, return_inverse=True)
     corner = np.argsort(mesh.tetrahedra.ravel(), kind="stable")
     first = corner[np.searchsorted(mesh.tetrahedra.ravel()[corner], number)]  # where each vertex is a corner first

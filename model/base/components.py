@@ -1,4 +1,5 @@
-"""Modules that are found by name: those of layers above, and optional components, which nothing imports."""
+"""Modules that are imported by name at run time: those of layers above, and optional components. No import statement
+names them."""
 
 from __future__ import annotations
 

@@ -28,14 +28,14 @@ _UNKNOWN = os.urandom(16)  # stands for what cannot be told apart: such a digest
 _codes: dict[tuple[int, str | None], tuple[types.CodeType, list[bytes]]] = {}
 
 
-def content_digest(value: Any, *more: Any) -> str:
+def content_digest(*values: Any) -> str:
     """A hash (hex) of what functions are made of and of plain values: the same for the same content, in every process.
 
     Of a function: its bytecode, constants, defaults, the values in its closure, and the globals that it names; functions
     (compiled ones too, with their options) are looked into in turn. Line numbers, comments, docstrings and the function's
     own name do not count. An object of which nothing is known makes a digest that no other process gets.
     """
-    return _Walk().digest((value, *more)).hex()[:32]
+    return _Walk().digest(values).hex()[:32]
 
 
 class _Walk:
@@ -138,13 +138,14 @@ def _package(module: str | None) -> str:
 
 
 def _names(code: types.CodeType) -> set[str]:
-    """Globals and attributes that a function names, those of functions inside it too."""
+    """Return the globals and attributes that a function names, including those of functions inside it."""
     inner = (_names(constant) for constant in code.co_consts if isinstance(constant, types.CodeType))
     return set(code.co_names).union(*inner)
 
 
 def source_digest(*places: Path) -> str:
-    """A hash of the Python files named, and of every one below the folders named, with its place there."""
+    """Return a hash of the Python files among `places` and of all Python files below the folders among them, with their
+    relative paths."""
     digest = hashlib.sha256()
     for place in places:
         for file in sorted(place.rglob("*.py")) if place.is_dir() else [place]:
@@ -191,7 +192,7 @@ MAX_NAME = 150  # characters: with a module, a hash and a suffix still a file's 
 
 
 def file_name(name: str) -> str:
-    """The name, its end replaced by a hash where it is too long for a file: as different as before."""
+    """Return the name, its end replaced by a hash if it is too long for a file. Different names stay different."""
     if len(name) <= MAX_NAME:
         return name
     return f"{name[: MAX_NAME - 17]}_{hashlib.sha256(name.encode()).hexdigest()[:16]}"

@@ -28,7 +28,7 @@ _speech = {"options": False}
 
 @contextmanager
 def on_command_line() -> Iterator[None]:
-    """Within it, messages name options, and not arguments of Python."""
+    """Context manager in which messages name options of the command line instead of arguments of Python."""
     before = _speech["options"]
     _speech["options"] = True
     try:
@@ -38,7 +38,7 @@ def on_command_line() -> Iterator[None]:
 
 
 def in_python(message: str) -> str:
-    """The message with `backend="gpu"` in place of `--backend gpu`, and likewise what else `open_simulation` takes."""
+    """Return the message with arguments of `open_simulation` in place of options: `backend="gpu"` for `--backend gpu`."""
 
     def argument(match: re.Match[str]) -> str:
         name, (_, _, value) = str(match.lastgroup), match[0].partition(" ")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import inspect
 import re
+from functools import cache
 from typing import Any, get_args, get_origin
 
 from pydantic import ValidationError
@@ -27,6 +28,7 @@ def suggestion(word: str, known: Any) -> str:
     return f" (did you mean {close[0]}?)" if close else ""
 
 
+@cache
 def notes_of(part: type[Part]) -> dict[str, str]:
     """Return the comment beside each field that has one, in the part's source and in those of its bases."""
     notes: dict[str, str] = {}

@@ -12,6 +12,7 @@ import numpy as np
 
 from softlab.model.base.clock import START, Clock
 from softlab.model.base.errors import SceneError
+from softlab.model.base.types import Real
 from softlab.model.base.variant import plain_formulas
 from softlab.model.core.build import Body
 from softlab.model.core.integrators import damping_rate
@@ -123,7 +124,7 @@ PIN_FIELDS = 4
 
 
 def cloth_record(
-    scene: Scene, real: type, poke: tuple[float, ...] = (0.0, 0.0, 0.0), clock: Clock = START
+    scene: Scene, real: Real, poke: tuple[float, ...] = (0.0, 0.0, 0.0), clock: Clock = START
 ) -> np.ndarray:
     """Return CLOTH_PARAMETERS in the arithmetic `real`, (1,): computed in float64, rounded once. Raises SceneError."""
     return rounded_record(scene, cloth_values(scene, 1, poke, clock), FIELDS, real)
@@ -162,7 +163,7 @@ def cloth_values(scene: Scene, substeps: int, poke: tuple[float, ...], clock: Cl
     return values
 
 
-def collider_rows(scene: Scene, real: type) -> np.ndarray:
+def collider_rows(scene: Scene, real: Real) -> np.ndarray:
     """Return the rows of colliders, (colliders, COLLIDER_FIELDS), in the arithmetic `real`, in the order of
     `scene.colliders`.
 
@@ -193,7 +194,7 @@ def collider_rows(scene: Scene, real: type) -> np.ndarray:
     return rows.astype(real)
 
 
-def collider_numbers(scene: Scene, real: type) -> np.ndarray:
+def collider_numbers(scene: Scene, real: Real) -> np.ndarray:
     """Return `collider_rows` followed by the numbers of colliders made from meshes, flat.
 
     Raises SceneError (more numbers than the arithmetic can count, or a field that cannot be sampled), InputError (a
@@ -215,7 +216,7 @@ def collider_numbers(scene: Scene, real: type) -> np.ndarray:
     return np.concatenate([rows.reshape(-1), *numbers])
 
 
-def motion_rows(scene: Scene, real: type) -> np.ndarray:
+def motion_rows(scene: Scene, real: Real) -> np.ndarray:
     """Return the rows of motions, (motions, MOTION_FIELDS), in the arithmetic `real`, in the order of `scene.motions`.
 
     Raises SceneError.
@@ -232,7 +233,7 @@ def motion_rows(scene: Scene, real: type) -> np.ndarray:
     return rows.astype(real)
 
 
-def pin_rows(scene: Scene, body: Body, real: type, first: int) -> np.ndarray:
+def pin_rows(scene: Scene, body: Body, real: Real, first: int) -> np.ndarray:
     """Return the rows of pins, (pins, PIN_FIELDS), in the arithmetic `real`, in the order of `body.pinned`.
 
     Rows of motions begin at `first`.
@@ -244,7 +245,7 @@ def pin_rows(scene: Scene, body: Body, real: type, first: int) -> np.ndarray:
     return rows.astype(real)
 
 
-def body_rows(scene: Scene, body: Body, real: type) -> tuple[np.ndarray, int]:
+def body_rows(scene: Scene, body: Body, real: Real) -> tuple[np.ndarray, int]:
     """Return (colliders and pins, flat: `collider_numbers`, then rows of motions, then of pins; index of the first
     pin).
 

@@ -39,8 +39,9 @@ def _distances(
 
 
 def overlap_lines(scene: Scene) -> list[str]:
-    """A sentence for each collider that has pinned masses in it, or nearer than its thickness, when the scene begins, and for
-    each in which free ones lie deep: by more than half a spacing. Of large sheets only so many masses are asked."""
+    """Return a sentence for each collider that contains pinned masses at the start, or is nearer to them than its
+    thickness, and for each that free masses penetrate by more than half a spacing. Of large sheets only a sample of the
+    masses is tested."""
     if scene.bodies or not scene.colliders:  # bodies' pins are copies that wait
         return []
     body = build(scene)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from softlab.model.assets.clusters import whole_clusters
+from softlab.model.base.types import Real
 from softlab.model.core.parameters import rounded_record
 from softlab.model.scene.scene import Scene
 
@@ -61,7 +62,7 @@ def pair_rows(scene: Scene) -> np.ndarray:
     return rows
 
 
-def particle_contact_record(scene: Scene, real: type) -> np.ndarray:
+def particle_contact_record(scene: Scene, real: Real) -> np.ndarray:
     """Return the constants, (PAIRS + kinds^2 * PAIR_FIELDS,), in the arithmetic `real`: computed in float64, rounded
     once.
 

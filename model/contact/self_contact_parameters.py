@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from softlab.model.base.types import Real
 from softlab.model.core.parameters import rounded_record
 from softlab.model.geometry.lists import grouped
 from softlab.model.geometry.sheets import sheet_triangles
@@ -37,7 +38,7 @@ def cell_size(scene: Scene) -> float:
     return 2 * (scene.grid.spacing * 0.75 + thickness * (1 + MARGIN))  # half a cell's diagonal: 0.71 spacings
 
 
-def contact_record(scene: Scene, real: type) -> np.ndarray:
+def contact_record(scene: Scene, real: Real) -> np.ndarray:
     """Return SELF_CONTACT_PARAMETERS in the arithmetic `real`, (1,): computed in float64, rounded once. Raises
     SceneError."""
     part = scene.self_collision

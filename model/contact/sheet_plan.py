@@ -15,7 +15,8 @@ Stages = tuple[Stage, ...]
 
 
 def sheet_parts(scene: Scene, live: frozenset[str] = frozenset()) -> set[str]:
-    """Return the parts of any sheet that need a stage: those with an effect, and those that may be switched on live."""
+    """Return the parts of a sheet that need a stage: those that have an effect, and those that may be switched on
+    during the run."""
     damping, gravity = scene.damping, scene.gravity
     needed = {
         "damping": (damping and damping.coefficient > 0) or "damping" in live,
@@ -30,10 +31,7 @@ def present_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset
 
     `alternating` has no stage: it selects the stiffness of a spring.
     """
-    needed = {
-        "springs": scene.springs or "stiffness" in live,
-        "alternating": scene.springs and scene.springs.alternate,
-    }
+    needed = {"springs": scene.springs or "stiffness" in live, "alternating": scene.springs and scene.springs.alternate}
     return frozenset(sheet_parts(scene, live) | {name for name, does in needed.items() if does})
 
 

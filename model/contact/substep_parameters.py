@@ -1,7 +1,7 @@
-"""Constants for the kernels of position-based solvers: a cloth's, for a substep, and those of its constraints.
+"""Constants for the kernels of position-based solvers, per substep: those of a cloth, and those of its constraints.
 
-They include those of model/contact/cloth_parameters.py for the substep instead of the step, for a grid too: forces
-and colliders read them under these names.
+The constants of model/contact/cloth_parameters.py are included, computed for the substep instead of the step. Grids
+have them too: forces and colliders read them under these names.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import numpy as np
 from softlab.model.assets.clusters import matching_factor
 from softlab.model.base.clock import START, Clock
 from softlab.model.base.tuples import reader
+from softlab.model.base.types import Real
 from softlab.model.contact.cloth_parameters import CLOTH_PARAMETERS, FIELDS, REST_LENGTHS, cloth_values
 from softlab.model.core.integrators import damping_rate
 from softlab.model.core.parameters import rounded_record
@@ -20,12 +21,7 @@ from softlab.model.core.stability.springs import matching_stiffness
 from softlab.model.scene.scene import Scene
 from softlab.model.tables.cloth import CONSTRAINT_KINDS
 
-OF_SHEETS = (
-    "structural",
-    "stiff",
-    "shear",
-    "bending",
-)  # stiff: every second structural one, where a grid's alternate
+OF_SHEETS = ("structural", "stiff", "shear", "bending")  # stiff: every second structural one, where a grid's alternate
 CONSTRAINTS = (*OF_SHEETS, *(kind for kind in CONSTRAINT_KINDS if kind not in OF_SHEETS))
 CONSTANTS = (
     "rest",  # m
@@ -82,7 +78,7 @@ def constants_of(record: np.ndarray, kind: str) -> Any:
 
 
 def xpbd_record(
-    scene: Scene, real: type, poke: tuple[float, ...] = (0.0, 0.0, 0.0), clock: Clock = START
+    scene: Scene, real: Real, poke: tuple[float, ...] = (0.0, 0.0, 0.0), clock: Clock = START
 ) -> np.ndarray:
     """Return XPBD_PARAMETERS in the arithmetic `real`, (1,): computed in float64, rounded once. Raises SceneError.
 

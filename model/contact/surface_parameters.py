@@ -10,6 +10,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from softlab.model.base.types import Real
 from softlab.model.contact.attachments import contact_free
 from softlab.model.contact.particle_parameters import (
     G_DISTANCE,
@@ -21,16 +22,7 @@ from softlab.model.contact.particle_parameters import (
     PAIRS,
 )
 from softlab.model.core.parameters import rounded_record
-from softlab.model.formulas.contact import (
-    FACE,
-    FIRST,
-    FIRST_SECOND,
-    FIRST_THIRD,
-    SECOND,
-    SECOND_THIRD,
-    SHEET,
-    THIRD,
-)
+from softlab.model.formulas.contact import FACE, FIRST, FIRST_SECOND, FIRST_THIRD, SECOND, SECOND_THIRD, SHEET, THIRD
 from softlab.model.geometry.arithmetic.ordered import norm
 from softlab.model.geometry.lists import Lists, grouped, offsets_of
 from softlab.model.particles.tetrahedra_set import TetrahedraSet
@@ -167,7 +159,7 @@ def contact_distance(scene: Scene) -> float:
     return scene.contact.distance or EDGE_FRACTION * float(contact_surface(scene.tetrahedra_set).edge.min())
 
 
-def surface_record(scene: Scene, distance: float, real: type) -> np.ndarray:
+def surface_record(scene: Scene, distance: float, real: Real) -> np.ndarray:
     """Return SURFACE_CONTACT_PARAMETERS in the arithmetic `real` for surfaces that keep the `distance` [m], (1,).
 
     Computed in float64, rounded once. Raises SceneError.
@@ -206,7 +198,7 @@ def surface_pairs(scene: Scene) -> np.ndarray:
     return rows
 
 
-def neighbour_record(rows: np.ndarray, real: type) -> np.ndarray:
+def neighbour_record(rows: np.ndarray, real: Real) -> np.ndarray:
     """Return the constants of the search for neighbours, (PAIRS + bodies^2 * PAIR_FIELDS,), in the arithmetic `real`.
 
     `rows`: as from `surface_pairs`.
@@ -226,7 +218,7 @@ class Meeting:
     pairs: Callable[[Scene], np.ndarray]
     ratio: Callable[[Scene], np.ndarray] | None = None
 
-    def record(self, scene: Scene, real: type) -> np.ndarray:
+    def record(self, scene: Scene, real: Real) -> np.ndarray:
         """Return the constants, see `surface_record`."""
         return surface_record(scene, self.distance(scene), real)
 

@@ -13,13 +13,12 @@ from softlab.model.geometry.arithmetic.functions import cosine, sine
 from softlab.model.geometry.particle_row import PARKED
 from softlab.model.geometry.sheets import sheet_positions
 from softlab.model.geometry.topology import mesh_of, pinned_vertices
-from softlab.model.particles.particle_set import ParticleSet
+from softlab.model.particles.particle_set import Particles, ParticleSet
 from softlab.model.scene.scene import Scene
 from softlab.model.tables.cloth import Cloth, Fold
 from softlab.model.tables.flow import spatial
 from softlab.model.tables.kinds import SHEETS
 from softlab.model.tables.mesh import Mesh
-from softlab.model.tables.parts import Grid
 from softlab.model.tables.self_collision import CONTACT_BYTES
 
 MASS_BYTES = 160  # host memory per mass: position, velocity and inverse mass in float64, two solver states, a snapshot
@@ -57,13 +56,10 @@ def starts(scene: Scene, position: np.ndarray) -> np.ndarray:
 
 def sheet_name(scene: Scene) -> str:
     """Return the name of the scene's sheet; `bodies` where it has bodies."""
-    return scene.name_of(*SHEETS, default="bodies")
+    return scene.name_of(*SHEETS) or "bodies"
 
 
-Sheet = Grid | ParticleSet
-
-
-def pinned_indices(grid: Sheet) -> np.ndarray:
+def pinned_indices(grid: Particles) -> np.ndarray:
     """Return the sorted flat indices (row * columns + column) of the masses in `grid.pinned`."""
     if isinstance(grid, ParticleSet):
         return grid.pinned_vertices
@@ -72,7 +68,7 @@ def pinned_indices(grid: Sheet) -> np.ndarray:
     return pin_indices(grid.pinned, grid.rows, grid.columns)
 
 
-def rest_positions(grid: Sheet) -> np.ndarray:
+def rest_positions(grid: Particles) -> np.ndarray:
     """Return the rest positions, (particles, dimensions) float64 [m]: (column * spacing, -row * spacing), row-major.
 
     A cloth's start at its origin: in z = const where it hangs, along +z instead of -y where it lies. A mesh has those
@@ -103,7 +99,7 @@ def folded_positions(cloth: Cloth, fold: Fold) -> np.ndarray:
     return position.reshape(-1, 3)
 
 
-def wave(grid: Grid, amplitude: float) -> np.ndarray:
+def wave(grid: Particles, amplitude: float) -> np.ndarray:
     """Return the displacements amplitude * [sin(1.7 i + 0.9 j), cos(0.6 i - 1.3 j)], (particles,
     dimensions) [m].
 

@@ -120,7 +120,7 @@ def force_fields() -> dict[str, str]:
 
 
 def particle_forces(parts: frozenset[str]) -> tuple[OwnForce, ...]:
-    """Return these forces among the parts, in the order in which they are added."""
+    """Return the forces on single particles that `parts` names, in the order in which they are added."""
     return tuple(force for force in PARTICLE_FORCES if force.part in parts)
 
 

@@ -12,6 +12,7 @@ import numpy as np
 
 from softlab.model.base.clock import START, Clock
 from softlab.model.base.errors import SceneError
+from softlab.model.base.types import Real
 from softlab.model.core.integrators import damping_rate
 from softlab.model.core.own_forces import force_fields, force_names, force_values
 from softlab.model.scene.scene import Scene
@@ -48,7 +49,7 @@ FIELDS = {  # the scene's field, by the value that follows from it
 
 
 def parameter_record(
-    scene: Scene, real: type, poke: tuple[float, ...] = (0.0, 0.0), clock: Clock = START
+    scene: Scene, real: Real, poke: tuple[float, ...] = (0.0, 0.0), clock: Clock = START
 ) -> np.ndarray:
     """Return the record of constants that every kernel reads: (1,), a field for each of PARAMETERS, in the arithmetic
     `real`.
@@ -78,7 +79,7 @@ def parameter_record(
     return rounded_record(scene, values, FIELDS, real)
 
 
-def rounded_record(scene: Scene, values: Mapping[str, float], fields: Mapping[str, str], real: type) -> np.ndarray:
+def rounded_record(scene: Scene, values: Mapping[str, float], fields: Mapping[str, str], real: Real) -> np.ndarray:
     """Return `values` (name -> float64) as a record in the arithmetic `real`, (1,), in their order.
 
     `fields`: the scene's field that a value follows from. Raises SceneError for a value that the arithmetic cannot
@@ -102,7 +103,7 @@ def rounded_record(scene: Scene, values: Mapping[str, float], fields: Mapping[st
     return record
 
 
-def require_representable(name: str, part: Any, real: type) -> None:
+def require_representable(name: str, part: Any, real: Real) -> None:
     """Raise SceneError for the first number of a scene's part that is too large for the arithmetic `real`."""
     largest = float(np.finfo(real).max)
     for field, value in part.model_dump().items():
@@ -137,7 +138,7 @@ def _decades(value: object) -> float:
 
 
 @cache
-def record_type(names: tuple[str, ...], real: type) -> np.dtype:
+def record_type(names: tuple[str, ...], real: Real) -> np.dtype:
     """Return the structured type of such a record. It is aligned: without alignment, compilers read single bytes."""
     taken = set(names) & set(dir(np.record))
     assert not taken, f"{taken}: attributes of every record of numpy"

@@ -1,4 +1,4 @@
-"""The active particles of a scene: not those of spare copies of bodies, nor those that wait for an emitter."""
+"""Active particles of a scene: all but those of spare copies of bodies and those that wait for an emitter."""
 
 from __future__ import annotations
 

@@ -56,7 +56,7 @@ class Releasing(Backend):
 
     @abstractmethod
     def _apply_poke(self, particle: int, force: tuple[float, ...]) -> None:
-        """Hold a force [N] on a particle from now on; -1: on none."""
+        """Apply a force [N] to a particle from now on; -1: to none."""
 
     def _steps_to_release(self) -> int:
         """Number of steps, at least 1, until the next pins let go."""
@@ -84,7 +84,8 @@ class Releasing(Backend):
                 self._run(steps)
 
     def _enter(self, time: float) -> None:
-        """Become the simulation of the scene at `time` [s], in its start state, if its pins differ from the present ones."""
+        """Restart as the simulation of the scene at `time` [s], in its start state, if its pins differ from the present
+        ones."""
         scene = self.scene.at(time)
         if scene is self.scene or self._entering:
             return

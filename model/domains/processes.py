@@ -88,7 +88,7 @@ def await_request(request: Any, who: str) -> None:
 
 
 def gather_rows(world: Any, owned: np.ndarray) -> np.ndarray:
-    """Return the rows (masses, axes) of all processes, in order, from those that each owns."""
+    """Return the rows (masses, axes) of all processes in order, from the rows that each process owns."""
     axes = owned.shape[1]
     counts = np.zeros(world.Get_size(), np.int64)
     await_request(world.Iallgather(np.array([len(owned)], np.int64), counts), "another process")
@@ -112,7 +112,7 @@ def largest_of(world: Any, numbers: np.ndarray) -> np.ndarray:
 
 
 def swapped(world: Any, messages: Sequence[np.ndarray]) -> list[np.ndarray]:
-    """Send `messages`, bytes for each process; return those received from each."""
+    """Send `messages`, bytes for each process, and return the bytes received from each process."""
     sent, came = np.array([len(message) for message in messages], np.int64), np.zeros(len(messages), np.int64)
     await_request(world.Ialltoall(sent, came), "another process")
     received, this_rank = [np.empty(size, np.uint8) for size in came], world.Get_rank()

@@ -49,9 +49,9 @@ def bodies_of(scene: Scene) -> Apart:
 
 
 class SharedBodies(BodiesSimulation, WindowedSimulation):
-    """A simulation in windows of whole bodies, see model/domains/windows.py.
+    """A simulation in windows of whole bodies (model/domains/windows.py).
 
-    `windows` are those of the blocks `local`. In `exact` math the bits are those of a single simulation.
+    This process simulates the windows of the blocks `local`. In `exact` math the bits are those of a single simulation.
     """
 
     def __init__(self, scene: Scene, options: Options, division: Division, local: Sequence[int]):

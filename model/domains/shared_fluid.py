@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from softlab.model.base.types import Real
 from softlab.model.core.families import scene_plan
 from softlab.model.core.options import Options, unknown_kernel
 from softlab.model.domains.slabs import Slabs, fluid_halo_of, slabs_of
@@ -84,7 +85,7 @@ class SharedFluid(FluidSimulation, WindowedSimulation):
         self._claim(place, number, values)
 
     def _claim(self, place: int, number: np.ndarray, values: np.ndarray) -> None:
-        """Own the particles of a window that lie in its slab."""
+        """Mark the particles of a window that lie in its slab as owned by it."""
         owned = self._owned[place]
         owned[:] = False
         owned[number[self.slabs.owned(values[self.slabs.axis], self.local[place])]] = True
@@ -184,7 +185,7 @@ def _packed(number: np.ndarray, values: np.ndarray) -> np.ndarray:
     return np.concatenate([np.ascontiguousarray(one).reshape(-1).view(np.uint8) for one in (number, values)])
 
 
-def _unpacked(message: np.ndarray, real: Any, axes: int) -> tuple[np.ndarray, np.ndarray]:
+def _unpacked(message: np.ndarray, real: Real, axes: int) -> tuple[np.ndarray, np.ndarray]:
     """Return (numbers (n,), values (2 x axes, n)) from bytes."""
     end = np.dtype(np.int32).itemsize * (len(message) // bytes_each(np.dtype(real).itemsize, axes))
     return message[:end].view(np.int32), message[end:].view(real).reshape(2 * axes, -1)

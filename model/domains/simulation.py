@@ -38,7 +38,7 @@ def window_scene(scene: Scene, pinned: np.ndarray, domain: Domain, divided: int 
     `pinned`: flat indices of the whole sheet's pinned masses. The initial positions do not matter: its state is loaded,
     and its constants are the sheet's. Its step is one of `divided` parts of the sheet's.
     """
-    columns, name = scene.grid.columns, scene.name_of("grid", "cloth", default="grid")
+    columns, name = scene.grid.columns, scene.name_of("grid", "cloth") or "grid"
     first, end = domain.window_first * columns, domain.window_end * columns
     inside = pinned[(pinned >= first) & (pinned < end)] - first
     places = [(int(k) // columns, int(k) % columns) for k in inside]
@@ -50,9 +50,10 @@ def window_scene(scene: Scene, pinned: np.ndarray, domain: Domain, divided: int 
 
 
 class DecomposedSimulation(WindowedSimulation):
-    """A simulation in windows of rows, see model/domains/windows.py.
+    """A simulation in windows of rows (model/domains/windows.py).
 
-    `windows` are those of the domains `local`. In `exact` math the bits are those of a single simulation.
+    This process simulates the windows of the domains `local`. In `exact` math the bits are those of a single
+    simulation.
     """
 
     def __init__(self, scene: Scene, options: Options, cut: Decomposition, local: Sequence[int]):

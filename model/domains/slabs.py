@@ -37,13 +37,13 @@ class Slabs:
         return ends[slab], ends[slab + 1]
 
     def owned(self, along: np.ndarray, slab: int) -> np.ndarray:
-        """Return which coordinates along the axis lie in a slab, (n,) bool; NaN lies in the last one."""
+        """Return which coordinates along the axis are in a slab, (n,) bool; NaN counts to the last slab."""
         low, high = self.ends(slab)
         beyond = ~(along < low) if slab else np.ones(len(along), bool)
         return beyond & (along < high) if slab + 1 < self.count else beyond
 
     def contained(self, along: np.ndarray, slab: int) -> np.ndarray:
-        """Return which coordinates lie in a slab or its halo, (n,) bool; NaN lies in all."""
+        """Return which coordinates are in a slab or its halo, (n,) bool; NaN counts to every slab."""
         low, high = self.ends(slab)
         return ~((along < low - self.halo) | (along > high + self.halo))
 

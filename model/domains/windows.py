@@ -66,7 +66,7 @@ class WindowedSimulation(Simulation):
         raise NotImplementedError
 
     def _at(self, place: int) -> AbstractContextManager[Any]:
-        """Return a context in which window number `place` of this process is used: its device."""
+        """Return the context (the device) for window number `place` of this process."""
         return nullcontext()
 
     def _each(self, do: Callable[..., Any], beside: Sequence[Any] | None = None) -> list[Any]:

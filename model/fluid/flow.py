@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from softlab.model.base.types import Real
 from softlab.model.scene.checks.flow import fluid_of
 from softlab.model.tables.flow import NEVER, Emitter, spatial
 
@@ -43,7 +44,7 @@ SINK_FIELDS = 8
 SINK_SHAPES = ("box", "sphere", "half-space")
 
 
-def emitter_rows(scene: Any, emitter_state: np.ndarray, real: type) -> np.ndarray:
+def emitter_rows(scene: Any, emitter_state: np.ndarray, real: Real) -> np.ndarray:
     """Return the rows of emitters, (emitters, EMITTER_FIELDS), in the arithmetic `real`, in the order of the file."""
     rows, first, fluids = np.zeros((len(scene.emitters), EMITTER_FIELDS)), 0, scene.fluid_set
     for row, (name, part), state in zip(rows, scene.emitters.items(), emitter_state, strict=True):
@@ -56,7 +57,7 @@ def emitter_rows(scene: Any, emitter_state: np.ndarray, real: type) -> np.ndarra
     return rows.astype(real)
 
 
-def sink_rows(scene: Any, real: type) -> np.ndarray:
+def sink_rows(scene: Any, real: Real) -> np.ndarray:
     """Return the rows of sinks, (sinks, SINK_FIELDS), in the arithmetic `real`, in the order of the file."""
     rows = np.zeros((len(scene.sinks), SINK_FIELDS))
     for row, part in zip(rows, scene.sinks.values(), strict=True):

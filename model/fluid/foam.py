@@ -124,9 +124,9 @@ class FoamPoints:
         """Return (origin, side) [m] of the box along each axis; side 0 where it does not repeat."""
         axes, domain = self.scene.dimensions, self.scene.domain
         origin, side = np.zeros((2, axes))
-        for axis in range(axes) if domain is not None else ():
-            if "xyz"[axis] in domain.repeats:  # type: ignore[union-attr]
-                origin[axis], side[axis] = domain.origin[axis], domain.size[axis]  # type: ignore[union-attr]
+        for axis in range(axes):
+            if domain is not None and "xyz"[axis] in domain.repeats:
+                origin[axis], side[axis] = domain.origin[axis], domain.size[axis]
         return origin, side
 
     def _wrapped(self, place: np.ndarray) -> np.ndarray:

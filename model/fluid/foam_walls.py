@@ -58,7 +58,7 @@ def _block(away: np.ndarray, half: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _seen(collider: SurfaceCollider, place: np.ndarray, time: float) -> np.ndarray:
-    """Return positions (n, 3) in the collider's own frame."""
+    """Return positions (n, 3) in the collider's frame."""
     away = place - np.asarray(collider.origin) - time * np.asarray(collider.velocity)
     return np.asarray(away @ collider.turn_at(time))
 

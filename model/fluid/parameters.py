@@ -7,7 +7,8 @@ from math import floor, prod
 import numpy as np
 
 from softlab.model.base.clock import START, Clock
-from softlab.model.core.own_forces import force_fields, force_names, force_values
+from softlab.model.base.types import Real
+from softlab.model.core.own_forces import force_fields, force_values
 from softlab.model.core.parameters import rounded_record
 from softlab.model.particles.fluid_set import FluidSet
 from softlab.model.scene.scene import Scene
@@ -80,7 +81,7 @@ def highest_viscosity(scene: Scene, part: Fluid) -> float:
 
 
 def fluid_record(
-    scene: Scene, real: type, poke: tuple[float, ...] = (0.0, 0.0, 0.0), clock: Clock = START
+    scene: Scene, real: Real, poke: tuple[float, ...] = (0.0, 0.0, 0.0), clock: Clock = START
 ) -> np.ndarray:
     """Return the constants of forces on single particles, then FLUID_PARAMETERS, (1,), in the arithmetic `real`.
 
@@ -115,11 +116,6 @@ def fluid_record(
     return rounded_record(scene, force_values(scene, poke[:axes], axes) | values, FIELDS, real)
 
 
-def record_names(axes: int) -> tuple[str, ...]:
-    """Return the names of a record's constants, in their order."""
-    return (*force_names(axes), *FLUID_PARAMETERS)
-
-
 def _box(scene: Scene) -> dict[str, float]:
     """Return the ends [m], length, half length and number of cells of each axis that repeats; 0 for other axes."""
     values = {f"{what}_{axis}": 0.0 for axis in AXES for what in BOX}
@@ -134,7 +130,7 @@ def _box(scene: Scene) -> dict[str, float]:
     return values
 
 
-def fluid_rows(scene: Scene, real: type, solids: bool = False) -> np.ndarray:
+def fluid_rows(scene: Scene, real: Real, solids: bool = False) -> np.ndarray:
     """Return the rows of fluids, (fluids, FLUID_FIELDS), in the arithmetic `real`, in the order of the scene.
 
     With `solids` there is one more, of their samples, which have no effect of their own.

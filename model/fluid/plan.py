@@ -90,7 +90,7 @@ from softlab.model.formulas import colliders
 from softlab.model.formulas.fluid import density, motion
 from softlab.model.formulas.fluid.flow import OPERATIONS_SINK
 from softlab.model.scene.scene import Scene
-from softlab.model.tables.cloth import COLLIDER_KINDS, Collider
+from softlab.model.tables.cloth import COLLIDER_KINDS
 
 WALLS = COLLIDER_KINDS  # all add to a fluid's density
 LOOKED_AT = {2: 9, 3: 27}  # cells that a search visits
@@ -110,10 +110,11 @@ def fluid_parts(scene: Scene, live: frozenset[str] = frozenset(), solids: bool =
 
     `flat` (2 dimensions), `fluids` (several), `solids` (and so several), `repeats`, `averaged`, `divergence-free` (with
     `moving` walls), `tensile`, `walls`, `emitter`, `sink`, `swept`, kinds of colliders with `friction` and
-    `restitution`, `gravity`, `drag`, `held-back`, those of OF_FLUIDS, own forces.
+    `restitution`, `gravity`, `drag`, `held-back`, those of OF_FLUIDS, forces on single particles.
     """
     parts, fluids = force_features(scene, live), scene.fluids.values()
     parts |= {kind for kind, _ in scene.colliders}
+    moves = any(any(one.velocity) or any(getattr(one, "spin", ())) for _, one in scene.colliders)
     wanted = {
         "flat": scene.dimensions == 2,
         "fluids": len(fluids) > 1 or solids,
@@ -121,7 +122,7 @@ def fluid_parts(scene: Scene, live: frozenset[str] = frozenset(), solids: bool =
         "repeats": scene.domain is not None,
         "averaged": scene.method.scheme == "averaged",
         "divergence-free": scene.method.scheme == "divergence-free",
-        "moving": scene.method.scheme == "divergence-free" and any(_moves(part) for _, part in scene.colliders),
+        "moving": scene.method.scheme == "divergence-free" and moves,
         "tensile": scene.method.tensile_correction > 0,
         "walls": bool(parts & set(WALLS)),
         "swept": bool(parts & {"capsule", "box"}),
@@ -135,10 +136,6 @@ def fluid_parts(scene: Scene, live: frozenset[str] = frozenset(), solids: bool =
     }
     wanted |= {name: any(getattr(part, field) > 0 for part in fluids) for name, field in OF_FLUIDS.items()}
     return frozenset(parts | {name for name, there in wanted.items() if there})
-
-
-def _moves(collider: Collider) -> bool:
-    return any(collider.velocity) or any(getattr(collider, "spin", ()))
 
 
 def neighbours_at_rest(scene: Scene) -> float:

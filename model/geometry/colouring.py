@@ -88,15 +88,10 @@ def _greedy(vertices: np.ndarray, vertex_count: int, priority: np.ndarray) -> np
             able = able[~blocked[at].any(axis=1)]
         waiting = waiting[colours[waiting] < 0]
         number += 1
-        if len(waiting) and (vertices[waiting] == _hub(vertices[waiting])).any(axis=1).all():
+        if len(waiting) and (vertices[waiting] == np.bincount(vertices[waiting].ravel()).argmax()).any(axis=1).all():
             colours[waiting[np.argsort(priority[waiting])]] = number + np.arange(len(waiting))
             break
     return colours
-
-
-def _hub(vertices: np.ndarray) -> int:
-    """Return the vertex at which most of the constraints meet."""
-    return int(np.bincount(vertices.ravel()).argmax())
 
 
 def _again(vertices: np.ndarray, vertex_count: int, colours: np.ndarray, order: np.ndarray) -> np.ndarray:

@@ -90,7 +90,7 @@ Labels = tuple[np.ndarray, np.ndarray, np.ndarray]  # vertex, the anchor it has 
 
 
 def _spread(vertex: np.ndarray, source: np.ndarray, far: np.ndarray, neighbours: Lists, length: np.ndarray) -> Labels:
-    """Return the labels that those given hand on to all neighbours."""
+    """Return the labels after every labelled vertex passed its label on to all its neighbours."""
     start = neighbours.offsets[vertex]
     label, entry = ranges(start, neighbours.offsets[vertex + 1] - start)
     return neighbours.indices[entry].astype(np.int64), source[label], far[label] + length[entry]

@@ -27,7 +27,7 @@ class Lists:
 
 
 def grouped(keys: np.ndarray, values: np.ndarray, count: int) -> Lists:
-    """For each key 0 ... count - 1 the `values` (n,) that stand at it in `keys` (n,), in their order."""
+    """Return for each key 0 ... count - 1 the `values` (n,) whose entry in `keys` (n,) is that key, in their order."""
     return Lists(
         offsets_of(np.bincount(keys, minlength=count)), values[np.argsort(keys, kind="stable")].astype(np.int32)
     )

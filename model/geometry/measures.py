@@ -1,4 +1,4 @@
-"""Lengths, areas and directions of what lies between points."""
+"""Lengths, areas and unit vectors between points."""
 
 from __future__ import annotations
 

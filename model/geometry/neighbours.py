@@ -89,7 +89,7 @@ def spread(candidates: np.ndarray, taken: np.ndarray, distance: float, urgency: 
 
 
 def _apart(points: np.ndarray, taken: np.ndarray, distance: float) -> np.ndarray:
-    """Return (n,) bool: which of `points` (n, 3) lie at least `distance` [m] from each of `taken` (m, 3)."""
+    """Return which of `points` (n, 3) are at least `distance` [m] from every point of `taken` (m, 3), (n,) bool."""
     free = np.ones(len(points), dtype=bool)
     begins = range(0, len(points), BLOCK)
     for begin in steps(begins, len(begins), "particles"):

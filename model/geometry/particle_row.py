@@ -25,13 +25,18 @@ class ParticleRow:
         return np.zeros((len(position), 3))
 
     @property
+    def extent(self) -> float:
+        """Longest side [m]."""
+        return float(np.ptp(self.position, axis=0).max())
+
+    @property
     def waiting(self) -> np.ndarray | None:
         """Particles that are inactive at the start, (particles,) bool; None where all are always active."""
         return None
 
     @property
     def columns(self) -> int:
-        """All particles: the set is one row."""
+        """Number of particles: the set is one row."""
         return len(self.position)
 
     @property

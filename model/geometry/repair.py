@@ -36,8 +36,9 @@ def united(position: np.ndarray, triangles: np.ndarray) -> TriangleMesh:
     for k, piece in enumerate(_pieces(position, triangles), 1):
         notes += piece.repairs
         if piece.boundary_loops:
+            holes = "a hole" if piece.boundary_loops == 1 else f"{piece.boundary_loops} holes"
             raise InputError(
-                f"piece {k} has {_holes(piece)}, and pieces are united only where each is closed; close it "
+                f"piece {k} has {holes}, and pieces are united only where each is closed; close it "
                 "in another program, or take --tetrahedra conforming without --unite, which closes holes"
             )
         corners = (piece.position - mean(piece.position))[piece.triangles]
@@ -53,10 +54,6 @@ def united(position: np.ndarray, triangles: np.ndarray) -> TriangleMesh:
     if len(pieces) > 1:
         notes.append(f"{len(pieces)} pieces were united: {len(triangles)} triangles became {len(one.tri_verts)}")
     return triangle_mesh(one.vert_properties[:, :3], one.tri_verts.astype(np.int64), list(dict.fromkeys(notes)))
-
-
-def _holes(piece: TriangleMesh) -> str:
-    return "a hole" if piece.boundary_loops == 1 else f"{piece.boundary_loops} holes"
 
 
 def _pieces(position: np.ndarray, triangles: np.ndarray) -> list[TriangleMesh]:

@@ -98,7 +98,8 @@ def _halves(a: np.ndarray, b: np.ndarray, c: np.ndarray, d: np.ndarray) -> np.nd
 
 
 def _star(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
-    """A pen with a round tip along the outline of a sharp star, filled: its points are round, too."""
+    """A filled star with sharp corners in its outline, drawn by a pen with a round tip: the corners of the body are
+    round."""
     angles = [pi / 2 + k * pi / 5 for k in range(10)]
     radii = [STAR_TIP - EDGE, STAR_NOTCH - EDGE] * 5
     corners = np.array([(r * cosine(a), r * sine(a)) for r, a in zip(radii, angles, strict=True)])
@@ -112,7 +113,7 @@ def _ball(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _pipe(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
-    """A rectangle that goes round the y axis: a parametric surface, both ways round."""
+    """A rectangle swept around the y axis, as a parametric surface that is periodic in both directions."""
     inner, outer, length = PIPE
     along, thick = (max(1, round(n * shape.resolution)) for n in (length, outer - inner))
     up, out = np.linspace(-length / 2, length / 2, along + 1), np.linspace(inner, outer, thick + 1)
@@ -130,7 +131,7 @@ def _pipe(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _torus(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
-    """Rings about the y axis: a parametric surface, both ways round."""
+    """A torus about the y axis, as a parametric surface that is periodic in both directions."""
     ring, tube_radius = TORUS
     around, across = (max(3, round(2 * pi * radius * shape.resolution)) for radius in TORUS)
     u = (2 * pi / around * np.arange(around))[:, None]
@@ -170,7 +171,7 @@ def _cuboid(sides: tuple[float, float, float], resolution: int) -> tuple[np.ndar
 
 
 def _blob(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
-    """A sitting hare, more or less, that looks along +z."""
+    """A rounded sitting hare that faces +z."""
     body = tube([(0, -0.2, -0.08), (0, -0.02, -0.02)], [0.27, 0.22])
     head = tube([(0, 0.16, 0.14), (0, 0.13, 0.24)], [0.16, 0.1])
     ears = [tube([(x * 0.07, 0.25, 0.1), (x * 0.14, 0.47, 0.0)], [0.05, 0.045]) for x in (-1, 1)]
@@ -189,7 +190,7 @@ def _sheet(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _octopus(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
-    """A head and eight arms that taper, run down and outwards, and curl up at their ends."""
+    """A head with eight tapering arms that run down and outwards and curl up at their ends."""
     parts = [tube([(0, 0.16, -0.03), (0, 0.03, 0)], [0.2, 0.16])]
     along = np.linspace(0, 1, 11)
     for k in range(8):
@@ -203,7 +204,8 @@ def _octopus(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _creature(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
-    """It stands on two feet and its tail and stretches out both arms; 2 to 4 cm lie between its fingers, and its toes."""
+    """A creature that stands on two feet and its tail, with both arms stretched out. Gaps between fingers and between
+    toes are 2 to 4 cm."""
     parts = [
         tube([(0, 0.0, -0.02), (0, 0.24, 0.02)], [0.2, 0.15]),
         tube([(0, 0.44, 0.07), (0, 0.41, 0.22)], [0.12, 0.06]),
@@ -226,7 +228,7 @@ def _creature(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _letters(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
-    """Each letter by itself, on a lattice of its own, so that it is the same in every text."""
+    """Letters, each on a lattice of its own: a letter has the same vertices in every text."""
     positions, triangles, x, used = [], [], 0.0, 0
     for letter in shape.text or "":
         strokes = letters()[letter]
@@ -243,7 +245,7 @@ def _letters(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _terrain(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
-    """A height over a square: waves of three lengths and ways, and a rim; no slope over 45 degrees."""
+    """A height field over a square: waves of three lengths and directions, and a rim; slopes up to 45 degrees."""
     count = round(TERRAIN * shape.resolution) + 1
     along = TERRAIN * (np.arange(count) / (count - 1) - 0.5)
     x, z = along[None], along[:, None]

@@ -66,7 +66,8 @@ def signed_distances(
 
 
 def squared_distances(corners: np.ndarray, low: np.ndarray, counts: np.ndarray, spacing: float) -> np.ndarray:
-    """`counts` float64 [m^2]: from points as in `signed_distances` to the nearest of triangles `corners` (n, 3, 3)."""
+    """Return the squared distances [m^2] of points as in `signed_distances` to the nearest of the triangles `corners`
+    (n, 3, 3), `counts` float64."""
     nearest = import_module(KERNEL).squared_distances
     numbers = tree_numbers(corners[order_of(corners)], np.float64)
     squared = np.empty((int(counts[0] * counts[1]), int(counts[2])))

@@ -68,12 +68,12 @@ def mesh_path(file: str) -> Path:
 
 
 def file_digest(path: Path) -> str:
-    """16 hexadecimal digits of a file's bytes, by which a scene knows it."""
+    """Return 16 hexadecimal digits of a file's bytes, by which a scene identifies it."""
     return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
 
 
 def mesh_of(part: MeshPart) -> TriangleMesh:
-    """Return the mesh of the part, around its own origin; kept while few others are asked for. Raises InputError."""
+    """Return the mesh of the part relative to its origin. The last few meshes are cached. Raises InputError."""
     if part.file is None:
         return _sheet(part.rows, part.columns, part.spacing, part.diagonals, part.placement)
     path = mesh_path(part.file)

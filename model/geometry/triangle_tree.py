@@ -7,10 +7,9 @@ below it.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from softlab.model.base.types import Real
 from softlab.model.base.waiting import work
 from softlab.model.formulas.triangle_tree import CORNERS, NODE
 from softlab.model.geometry.lists import offsets_of, ranges
@@ -32,7 +31,7 @@ def parts_of(count: int) -> list[np.ndarray]:
 
 @work("sorting triangles")
 def order_of(corners: np.ndarray) -> np.ndarray:
-    """Return (n,) int64: the order in which triangles `corners` (n, 3, 3) stand in the tree."""
+    """Return the order of the triangles `corners` (n, 3, 3) in the tree, (n,) int64."""
     middles, order = corners.mean(axis=1), np.arange(len(corners))
     for level in parts_of(len(corners)):
         first, last, _ = level[level[:, 1] - level[:, 0] > 1].T
@@ -46,14 +45,14 @@ def order_of(corners: np.ndarray) -> np.ndarray:
     return order
 
 
-def tree_numbers(corners: np.ndarray, real: Any) -> np.ndarray:
+def tree_numbers(corners: np.ndarray, real: Real) -> np.ndarray:
     """Return (NODE (2 n - 1) + CORNERS n,) in the arithmetic `real`: the tree of triangles (n, 3, 3), in their
     `order_of`."""
     count = len(corners)
-    rounded = corners.reshape(count, CORNERS).astype(real)
+    rounded: np.ndarray = corners.reshape(count, CORNERS).astype(real)
     low, high = rounded.reshape(-1, 3, 3).min(axis=1), rounded.reshape(-1, 3, 3).max(axis=1)
     margin = real(GROWN * np.finfo(real).eps * np.abs(rounded).max(initial=0))
-    nodes = np.empty((2 * count - 1, NODE), real)
+    nodes: np.ndarray = np.empty((2 * count - 1, NODE), real)
     for level in parts_of(count):
         first, last, node = level.T
         ends = np.stack([first, last], axis=1).ravel()[: -1 if last[-1] == count else None]

@@ -66,10 +66,7 @@ def _implicit_plan(
     product = SPRINGS_EACH * kinds * (implicit.OPERATIONS_PRODUCT + 3) + 6 + 2 * implicit.OPERATIONS_DOT
     solve = Node(
         "conjugate gradients, until the residual is small enough",
-        (
-            Stage(PRODUCT_STAGE, 2, 1, product),
-            Stage("update of the solution", 5, 4, 3 * implicit.OPERATIONS_UPDATE),
-        ),
+        (Stage(PRODUCT_STAGE, 2, 1, product), Stage("update of the solution", 5, 4, 3 * implicit.OPERATIONS_UPDATE)),
     )
     residual = Stage("spring forces at the step's end, residual", 4, 1, pulls + 15 + 4 * implicit.OPERATIONS_DOT, 1.0)
     once = integrator == "implicit-euler-linear"

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from softlab.model.base.types import Real
 from softlab.model.contact.cloth_parameters import CLOTH_PARAMETERS, FIELDS, cloth_values
 from softlab.model.core.parameters import rounded_record
 from softlab.model.scene.scene import Scene
@@ -22,7 +23,7 @@ MATRIX_PARAMETERS = (  # only in the matrix
 SYSTEM_PARAMETERS = (*MATRIX_PARAMETERS, *CLOTH_PARAMETERS)
 
 
-def system_record(scene: Scene, real: type) -> np.ndarray:
+def system_record(scene: Scene, real: Real) -> np.ndarray:
     """Return SYSTEM_PARAMETERS in the arithmetic `real`, (1,): computed in float64, rounded once. Raises SceneError."""
     dt = scene.method.dt
     cloth = cloth_values(scene, 1, (0.0, 0.0, 0.0))

@@ -81,11 +81,12 @@ class BodySet(ParticleRow):
     @property
     def in_cluster_order(self) -> list[Copy]:
         """The copies, in the order of their clusters."""
-        return _by_cluster(self.copies)
+        return by_cluster(self.copies)
 
     @property
     def alike(self) -> BodySet:
-        """The set that decides which code its loose clusters need: the whole one, so that every block runs the same."""
+        """The set that decides which code its loose clusters need: that of the whole scene, so that every block runs
+        the same code."""
         return self.whole if self.whole and self.loose.count else self
 
     @property
@@ -148,7 +149,7 @@ def make_body_set(parts: Mapping[str, Placed]) -> BodySet:
             velocities.append(0 * moving if waits else moving)
             particle, cluster = particle + len(here), cluster + baked.clusters.count
     position, mass = np.concatenate(positions), np.concatenate([copy.baked.mass for copy in copies])
-    in_order = _by_cluster(copies)
+    in_order = by_cluster(copies)
     cluster_sets = [copy.baked.clusters for copy in in_order]
     clusters = Clusters(
         offsets_of(np.concatenate([np.diff(one.offsets) for one in cluster_sets])),
@@ -186,7 +187,8 @@ def _bytes_of(body: BakedBody) -> int:
     return 160 * len(body.position) + 40 * len(body.clusters.indices) + 60 * len(body.links)
 
 
-def _by_cluster(copies: Sequence[Copy]) -> list[Copy]:
+def by_cluster(copies: Sequence[Copy]) -> list[Copy]:
+    """Return the copies in the order of their clusters."""
     return sorted(copies, key=lambda copy: copy.first_cluster)
 
 

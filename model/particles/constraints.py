@@ -92,7 +92,7 @@ class ConstraintSet:
 
 
 def coloured(kind: str, model: str, corners: np.ndarray, values: np.ndarray, particles: int) -> ConstraintSet:
-    """Return the set of these constraints, sorted by colours."""
+    """Return the constraints as a set sorted by colours."""
     colouring = colour(corners, particles)
     return ConstraintSet(
         kind, model, np.ascontiguousarray(corners[colouring.order]), values[colouring.order], colouring.starts

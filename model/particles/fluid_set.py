@@ -73,7 +73,7 @@ class FluidSet(ParticleRow):
 
     @property
     def pinned_vertices(self) -> np.ndarray:
-        """None, (0,) int64."""
+        """Pinned particles: none, (0,) int64."""
         return np.zeros(0, np.int64)
 
     @property

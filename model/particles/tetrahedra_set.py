@@ -91,7 +91,8 @@ class TetrahedraSet(ParticleRow):
 
     @property
     def alike(self) -> TetrahedraSet:
-        """The set that decides which code bodies need: the whole one, so that every part runs the same."""
+        """The set that decides which code the bodies need: that of the whole scene, so that every part runs the same
+        code."""
         return self.whole or self
 
     @property
@@ -151,11 +152,6 @@ class TetrahedraSet(ParticleRow):
         number: np.ndarray = np.cumsum(begins) - 1
         return number
 
-    @property
-    def extent(self) -> float:
-        """Longest side [m]."""
-        return float(np.ptp(self.position, axis=0).max())
-
     def chosen(self, word: str, body: str | None = None, field: str = "pinned") -> np.ndarray:
         """Return the vertices of a body, or of all, on a side, in a region or for `all`, (vertices,) int64, ascending.
 
@@ -190,7 +186,7 @@ class TetrahedraSet(ParticleRow):
 
     @property
     def damping_rates(self) -> np.ndarray:
-        """Damping rate of velocities, each body's own, (particles,) float64 [1/s]."""
+        """Damping rate of each particle's velocity, that of its body, (particles,) float64 [1/s]."""
         counts = np.diff([*self.first_particle, self.particle_count])
         rates = [*(part.mass_damping for part in self.parts), *([0.0] if self.sheet else [])]
         return np.repeat(rates, counts)

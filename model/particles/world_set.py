@@ -50,11 +50,6 @@ class WorldSet(ParticleRow):
         """Mean mass of a particle [kg]; each member has its own."""
         return self.mass
 
-    @property
-    def extent(self) -> float:
-        """Longest side [m]."""
-        return float(np.ptp(self.position, axis=0).max())
-
     def slices(self) -> dict[str, slice]:
         """Return the slice of each member's particles."""
         return {name: slice(*self.first[k : k + 2].tolist()) for k, name in enumerate(self.names)}
@@ -74,7 +69,7 @@ def make_world_set(members: Mapping[str, Any]) -> WorldSet:
 
 
 def _of(part: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return (position, velocity, masses, pinned) of a member's own set."""
+    """Return (position, velocity, masses, pinned) of a member's particles."""
     if isinstance(part, Mesh):
         position = mesh_of(part).position + part.origin
         pinned = (

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from softlab.model.base.types import Real
 from softlab.model.core.build import Body, rest_positions
 from softlab.model.geometry.geodesic import mesh_attachments, sheet_attachments
 from softlab.model.geometry.topology import mesh_of
@@ -14,7 +13,7 @@ from softlab.model.scene.scene import Scene
 UNREACHED = 1e18  # m: the length of an attachment to nothing; its square is a number in float32
 
 
-def sheet_reaches(scene: Scene, body: Body, real: Any) -> tuple[np.ndarray, np.ndarray]:
+def sheet_reaches(scene: Scene, body: Body, real: Real) -> tuple[np.ndarray, np.ndarray]:
     """Return the anchors of a sheet of rows and columns and the largest distances from them.
 
     Returns (anchors (masses, count) int32, distances (masses, count) [m]); a mass without that many repeats the
@@ -31,7 +30,7 @@ def sheet_reaches(scene: Scene, body: Body, real: Any) -> tuple[np.ndarray, np.n
     return anchor.astype(np.int32), (distance * scale * (1 + part.slack)).astype(real)
 
 
-def vertex_attachments(scene: Scene, body: Body, real: Any, wanted: bool = True) -> tuple[np.ndarray, np.ndarray]:
+def vertex_attachments(scene: Scene, body: Body, real: Real, wanted: bool = True) -> tuple[np.ndarray, np.ndarray]:
     """Return (anchors (vertices, count) int32, how far from them (vertices, count) [m]); a vertex without that many
     repeats the nearest, one that no pinned vertex is connected with is its own anchor, with UNREACHED."""
     part, attachments = scene.mesh, scene.attachments

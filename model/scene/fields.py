@@ -75,8 +75,8 @@ def _default(field: FieldInfo) -> str:
 
 
 def _allowed(field: FieldInfo) -> str:
-    """Return the bounds of a field, or the words that it takes."""
-    marks = [*field.metadata, *_marks(field.annotation)]
+    """Return the bounds of a field, or the words that it accepts."""
+    marks = marks_of(field)
     bounds = [f"> {_number(m.gt)}" for m in marks if isinstance(m, Gt)]
     bounds += [f">= {_number(m.ge)}" for m in marks if isinstance(m, Ge)]
     bounds += [f"<= {_number(m.le)}" for m in marks if isinstance(m, Le) and m.le < WIDE]  # type: ignore[operator]
@@ -88,12 +88,15 @@ def _number(value: Any) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
+def marks_of(field: FieldInfo) -> list[Any]:
+    """Return the bounds of a field, including those within its annotation: of `Positive | None`, of a list's numbers."""
+    return [*field.metadata, *_marks(field.annotation)]
+
+
 def _marks(annotation: Any) -> list[Any]:
-    """Return the bounds within an annotation: of `Positive | None`, of a list's numbers."""
     marks: list[Any] = []
     for part in get_args(annotation):
-        if isinstance(part, FieldInfo):
-            marks += part.metadata
+        marks += part.metadata if isinstance(part, FieldInfo) else [part] if isinstance(part, Ge | Gt | Le) else []
         marks += _marks(part)
     return marks
 

@@ -66,12 +66,12 @@ def take_resting_defaults(scene: SceneParts) -> None:
     In a world each member chooses its own thicknesses. Raises SceneError, InputError (a body's mesh).
     """
     _take_supports(scene)
-    untold = {
+    unstated = {
         name: part for name, part in scene.all_of(*COLLIDER_KINDS).items() if "thickness" not in part.model_fields_set
     }
-    if untold and scene.all_of(*BODY_KINDS, *TETRAHEDRAL_KINDS):
+    if unstated and scene.all_of(*BODY_KINDS, *TETRAHEDRAL_KINDS):
         thickness = None if scene.is_world else _thickness(scene)
-        for name, part in untold.items():
+        for name, part in unstated.items():
             scene.derive(name, {"thickness": part.thickness if thickness is None else thickness})
     method = scene.one("method")
     if method is None or "substeps" in method.model_fields_set or method.solver not in WITH_SUBSTEPS:
@@ -117,7 +117,7 @@ def _height_notes(scene: SceneParts) -> list[str]:
     derived = [name for name in scene.all_of(*COLLIDER_KINDS) if "thickness" in scene.derived.get(name, ())]
     if scene.is_world or not derived:
         return []
-    thickness: float = scene.parts[derived[0]].thickness  # type: ignore[attr-defined]
+    thickness: float = scene.value(f"{derived[0]}.thickness")
     colliders = ", ".join(derived)
     notes = []
     for size in _sizes(scene):

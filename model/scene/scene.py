@@ -15,7 +15,8 @@ from typing import Any
 from softlab.model.base.clock import UNSEEN
 from softlab.model.base.errors import SceneError
 from softlab.model.base.words import suggestion
-from softlab.model.scene.checks.fit import check_fit
+from softlab.model.particles.particle_set import ParticleSet
+from softlab.model.scene.checks.fit import check_fit, check_members
 from softlab.model.scene.checks.releases import check_releases, tables_without
 from softlab.model.scene.checks.solver import check_solver
 from softlab.model.scene.defaults import take_method_defaults
@@ -78,8 +79,8 @@ class Scene(SceneParts):
         take_method_defaults(self)
         check_fit(self)
         check_solver(self)
-        if not self.is_world:
-            take_resting_defaults(self)
+        take_resting_defaults(self)
+        check_members(self)
         if self.camera is not None:
             self.camera.check(self.dimensions)
         for tank_name, tank in self.tanks.items():
@@ -94,7 +95,7 @@ class Scene(SceneParts):
         that this version does not know.
         """
         scene = cls.__new__(cls)
-        SceneParts.__init__(scene, tables, "scene", "scene")
+        SceneParts.__init__(scene, tables, "scene")
         return scene
 
     @property
@@ -104,8 +105,8 @@ class Scene(SceneParts):
 
     @cached_property
     def phases(self) -> tuple[tuple[float, Scene], ...]:
-        """(time [s], the scene from then on) of each time at which pins let go, ascending. Raises SceneError for a release
-        that lets go of nothing, or leaves no possible scene."""
+        """The scenes between releases: (time [s], scene from then on) of each time at which pins are released,
+        ascending. Raises SceneError for a release that unpins nothing or leaves a scene that cannot be simulated."""
         releases: dict[str, Release] = self.all_of(RELEASE)
         phases: list[tuple[float, Scene]] = []
         for time in sorted({release.time for release in releases.values()}):
@@ -139,7 +140,7 @@ class Scene(SceneParts):
         changed.derived = self.derived | {method: self.derived.get(method, frozenset()) - fields.keys()}
         return changed
 
-    def with_particles(self, attribute: str, particles: Any) -> Scene:
+    def with_particles(self, attribute: str, particles: ParticleSet) -> Scene:
         """Return this scene with other `particles` in place of those of its `attribute` (`body_set`, ...), all its bodies.
 
         The rest is the same, the mass unit included, and nothing is validated again.

@@ -9,7 +9,7 @@ import json
 import re
 from collections.abc import Collection, Mapping
 from functools import cached_property
-from typing import Any
+from typing import Any, Self
 
 from pydantic import ValidationError
 
@@ -18,6 +18,7 @@ from softlab.model.base.table import Part
 from softlab.model.base.words import scene_error, suggestion
 from softlab.model.particles.body_set import BodySet, Copy, make_body_set
 from softlab.model.particles.fluid_set import FluidSet, make_fluid_set
+from softlab.model.particles.particle_set import Particles
 from softlab.model.particles.tetrahedra_set import TetrahedraSet, make_tetrahedra_set
 from softlab.model.particles.world_set import WorldSet, make_world_set
 from softlab.model.scene.members import member_tables, members_of
@@ -79,6 +80,16 @@ def _part(kind: str) -> Any:
     return property(lambda scene: scene.one(kind))
 
 
+def _parts(*kinds: str) -> Any:
+    """Return a property: the scene's parts of these kinds, by name."""
+    return property(lambda scene: scene.all_of(*kinds))
+
+
+def _direct_parts(*kinds: str) -> Any:
+    """Return a property: the scene's parts of these kinds, by name; none in a world."""
+    return property(lambda scene: scene.direct_parts(*kinds))
+
+
 class SceneParts:
     """`parts` maps a part's name to its object, `kinds` the name to its kind.
 
@@ -86,13 +97,13 @@ class SceneParts:
     Raises SceneError for a table that is not a valid part.
     """
 
-    def __init__(self, tables: Mapping[str, Any], name: str, title: str):
-        self.name, self.title = name, title
+    def __init__(self, tables: Mapping[str, Any], name: str, title: str | None = None):
+        self.name, self.title = name, name if title is None else title
         self.derived: dict[str, frozenset[str]] = {}  # fields by part that the tables do not state
         self._read(tables)
 
     def _read(self, tables: Mapping[str, Any]) -> None:
-        """Read the parts and their kinds, each checked by itself."""
+        """Read the parts and their kinds. Each part is checked on its own."""
         self.parts: dict[str, Part] = {}
         self.kinds: dict[str, str] = {}
         self.camera: CameraPart | None = None
@@ -156,9 +167,9 @@ class SceneParts:
         name, _, field = path.partition(".")
         return getattr(self.parts.get(name), field, default)
 
-    def name_of(self, *kinds: str, default: str = "") -> str:
-        """Return the name of the scene's first part of these kinds; `default` where it has none."""
-        return next(iter(self.all_of(*kinds)), default)
+    def name_of(self, *kinds: str) -> str:
+        """Return the name of the scene's first part of these kinds; "" where it has none."""
+        return next(iter(self.all_of(*kinds)), "")
 
     def refuse(self, kinds: Collection[str], why: str) -> None:
         """Raise SceneError for the first part of one of the `kinds`."""
@@ -167,17 +178,24 @@ class SceneParts:
                 raise SceneError(f"{name}.kind", kind, why)
 
     @cached_property
-    def grid(self) -> Grid:
+    def grid(self) -> Particles:
         """The particle set of the scene: a grid; a cloth, also of triangles; the body set; the set of tetrahedra and a
-        cloth beside them; the set of fluids; in a world all particles. Sets without rows look like a sheet of one row.
+        cloth beside them; the set of fluids; in a world all particles.
         """
         if self.is_world:
-            return self.world_set  # type: ignore[return-value]
+            return self.world_set
         if self.tetrahedra:
-            return self.tetrahedra_set  # type: ignore[return-value]
+            return self.tetrahedra_set
         if self.fluids:
-            return self.fluid_set  # type: ignore[return-value]
-        return self.cloth or self.one("grid") or self.body_set  # type: ignore[return-value]
+            return self.fluid_set
+        sheet: Grid | None = self.cloth or self.one("grid")
+        return sheet or self.body_set
+
+    @property
+    def sheet(self) -> Grid:
+        """The grid, cloth or mesh of a scene that has one."""
+        assert isinstance(self.grid, Grid)
+        return self.grid
 
     @cached_property
     def is_world(self) -> bool:
@@ -193,7 +211,7 @@ class SceneParts:
         return next((name for name, particles in contents.items() if particles), "sheet")
 
     @cached_property
-    def members(self) -> dict[str, Any]:
+    def members(self) -> dict[str, Self]:
         """Scenes of each family's parts in a world, by the names in model/scene/members.py, in the order of its
         particles; empty for any other scene. Raises SceneError."""
         if not self.is_world:
@@ -202,7 +220,7 @@ class SceneParts:
         for name, part in self.all_of("fluid").items():
             tables[name]["support"] = part.support  # among bodies derived, which its member has none of
         tables = member_tables(self.kinds, tables, self.method)
-        return {name: type(self)(direct_parts, self.name) for name, direct_parts in tables.items()}  # type: ignore[call-arg]
+        return {name: type(self)(direct_parts, self.name) for name, direct_parts in tables.items()}
 
     @cached_property
     def world_set(self) -> WorldSet:
@@ -212,11 +230,6 @@ class SceneParts:
     def direct_parts(self, *kinds: str) -> dict[str, Any]:
         """Return the parts as by `all_of`; none in a world, whose members have them."""
         return {} if self.is_world else self.all_of(*kinds)
-
-    @property
-    def bodies(self) -> dict[str, Placed]:
-        """The scene's soft and rigid bodies, by the part's name."""
-        return self.direct_parts(*BODY_KINDS)
 
     @cached_property
     def body_set(self) -> BodySet:
@@ -235,11 +248,6 @@ class SceneParts:
             return self.body_set.clusters.count
         return sum(member.cluster_count for member in self.members.values())
 
-    @property
-    def tetrahedra(self) -> dict[str, TetrahedralBody]:
-        """The scene's tetrahedral bodies, by the part's name."""
-        return self.direct_parts(*TETRAHEDRAL_KINDS)
-
     @cached_property
     def tetrahedra_set(self) -> TetrahedraSet:
         """All tetrahedral bodies together and the cloth beside them, made on first use. Raises SceneError, InputError
@@ -247,21 +255,6 @@ class SceneParts:
         return make_tetrahedra_set(
             self.tetrahedra, self.regions, self.attachment_parts, self.materials, self.all_of("mesh")
         )
-
-    @property
-    def fluids(self) -> dict[str, Fluid]:
-        """The scene's fluids, by the part's name."""
-        return self.direct_parts("fluid")
-
-    @property
-    def emitters(self) -> dict[str, Emitter]:
-        """The scene's emitters, by the part's name."""
-        return self.all_of("emitter")
-
-    @property
-    def sinks(self) -> dict[str, Sink]:
-        """The scene's sinks, by the part's name."""
-        return self.all_of("sink")
 
     @property
     def flows(self) -> bool:
@@ -317,29 +310,22 @@ class SceneParts:
         return motions
 
     @property
-    def attachment_parts(self) -> dict[str, Attachment]:
-        """Attachments of tetrahedral bodies and a cloth to the world, colliders and one another, by the part's name."""
-        return self.direct_parts("attachment")
-
-    @property
     def holdable(self) -> dict[str, Part]:
         """The parts that can be attached, by name: tetrahedral bodies, then a cloth beside them."""
         return self.tetrahedra | self.direct_parts("mesh")
 
-    @property
-    def regions(self) -> dict[str, Region]:
-        """The regions of tetrahedral bodies, by the part's name."""
-        return self.all_of("region")
-
-    @property
-    def materials(self) -> dict[str, Material]:
-        """The materials of tetrahedra in regions, by the part's name."""
-        return self.all_of("material")
-
-    @property
-    def loads(self) -> dict[str, Load]:
-        """The masses that differ from the sheet's, by the part's name."""
-        return self.all_of("load")
+    # Parts by name, in the order of the file; those of a family are the members' in a world.
+    attachment_parts: dict[str, Attachment] = _direct_parts(
+        "attachment"
+    )  # of bodies and a cloth to the world, colliders and one another
+    bodies: dict[str, Placed] = _direct_parts(*BODY_KINDS)  # soft and rigid
+    emitters: dict[str, Emitter] = _parts("emitter")
+    fluids: dict[str, Fluid] = _direct_parts("fluid")
+    loads: dict[str, Load] = _parts("load")  # masses that differ from the sheet's
+    materials: dict[str, Material] = _parts("material")  # of tetrahedra in regions
+    regions: dict[str, Region] = _parts("region")  # of tetrahedral bodies
+    sinks: dict[str, Sink] = _parts("sink")
+    tetrahedra: dict[str, TetrahedralBody] = _direct_parts(*TETRAHEDRAL_KINDS)
 
     attachments: Attachments | None = _part("attachments")
     contact: Contact | None = _part("contact")  # collisions between bodies

@@ -11,7 +11,7 @@ from softlab.model.assets.clusters import Clusters
 from softlab.model.assets.lattice import LatticeCopies
 from softlab.model.core.sharing.bodies import Apart, require_apart
 from softlab.model.geometry.lists import offsets_of, ranges
-from softlab.model.particles.body_set import BodySet, Copy
+from softlab.model.particles.body_set import BodySet, Copy, by_cluster
 from softlab.model.particles.links import Links
 from softlab.model.scene.scene import Scene
 
@@ -29,13 +29,9 @@ def bodies_apart(scene: Scene) -> Apart:
     )  # fmt: skip
 
 
-def _in_order(copies: Sequence[Copy]) -> list[Copy]:
-    return sorted(copies, key=lambda copy: copy.first_cluster)
-
-
 def clusters_of(copies: Sequence[Copy]) -> np.ndarray:
     """Return the indices of the clusters of some copies in the whole set, (n,) int64, ascending."""
-    order = _in_order(copies)
+    order = by_cluster(copies)
     firsts, counts = (
         np.array(some) for some in zip(*((c.first_cluster, c.baked.clusters.count) for c in order), strict=True)
     )
@@ -50,7 +46,7 @@ def some_bodies(whole: BodySet, first: int, end: int) -> BodySet:
     copies = whole.copies[first:end]
     begin, stop = copies[0].first_particle, copies[-1].particles.stop
     new_cluster, cluster = {}, 0
-    for copy in _in_order(copies):
+    for copy in by_cluster(copies):
         new_cluster[copy.number], cluster = cluster, cluster + copy.baked.clusters.count
     chosen = clusters_of(copies)
     return replace(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from softlab.model.assets.clusters import Clusters, binned, matching_factor
+from softlab.model.base.types import Real
 from softlab.model.formulas.shape_matching.deformation import S_CREEP, S_INVERSE, S_LIMIT, S_LINEAR, S_THRESHOLD, SHAPE
 from softlab.model.geometry.arithmetic.functions import expm1
 
@@ -66,7 +67,7 @@ def first_particles(clusters: Clusters) -> np.ndarray:
     return particles
 
 
-def leans(clusters: Clusters, real: type) -> np.ndarray:
+def leans(clusters: Clusters, real: Real) -> np.ndarray:
     """Return the centre [m] of the rest offsets and one over the mass [1/kg], (clusters, 4) in the arithmetic `real`.
 
     Both are those of the masses and offsets rounded to it; 0 for a cluster without mass.

@@ -96,8 +96,8 @@ def body_stages(scene: Scene) -> tuple[Stage, ...]:
 
 
 def damping_stage(scene: Scene) -> Stage:
-    """Return the stage in which clusters gather the momenta of their particles, and these their clusters' rigid motions
-    (9 scalars)."""
+    """Return the stage that damps towards rigid motion: clusters sum the momenta of their particles, and particles read
+    the rigid motions of their clusters (9 scalars)."""
     clusters, particles = scene.body_set.loose, scene.body_set.particle_count
     overlap, each = len(clusters.indices) / particles, clusters.count / particles
     table = 1 + 1  # scalars: a mass or a factor, and an index
@@ -107,22 +107,17 @@ def damping_stage(scene: Scene) -> Stage:
 
 
 def momentum_stage(scene: Scene) -> Stage:
-    """Return the stage in which rigid bodies gather the momenta of their particles' travels, and these get their
-    velocities.
-
-    The travels are three scalars that predictions write.
-    """
+    """Return the stage that gives rigid bodies their velocities: bodies sum the momenta of their particles'
+    displacements (three scalars, written by predictions), and particles read the resulting velocities."""
     damping = damping_stage(scene)
     operations = 3 * (rigid.OPERATIONS_PREDICT + rigid.OPERATIONS_RATE)
     return Stage("keep momenta", damping.reads + 2, damping.writes + 1, damping.operations + operations)
 
 
 def couple_stage(scene: Scene) -> Stage:
-    """Return the stage in which clusters gather the couples of their particles, and these turn with their clusters.
-
-    The couples are three scalars that contacts write, the turn six; the gathered couples are reset to 0. Windows of
-    lattices are among the clusters.
-    """
+    """Return the stage that turns clusters by friction: clusters sum the couples of their particles (three scalars,
+    written by contacts), particles turn with their clusters (six scalars), and the couples are reset to 0. Windows of
+    lattices count as clusters."""
     clusters, particles = scene.body_set.clusters, scene.body_set.particle_count
     overlap, each = len(clusters.indices) / particles, clusters.count / particles
     reads = overlap * (6 + 2) + overlap * (6 + 2) + 3

@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from softlab.model.assets.clusters import Clusters, whole_clusters
+from softlab.model.base.types import Real
 from softlab.model.formulas.shape_matching.cluster import LANES
 from softlab.model.geometry.arithmetic.ordered import norm
 
 ROTATION = 4  # roundings of a body's size in a goal: of a rotation's row and of a rest offset's displacement
 
 
-def goal_slack(clusters: Clusters, real: type) -> np.ndarray:
+def goal_slack(clusters: Clusters, real: Real) -> np.ndarray:
     """Return the rounding error of goals in the arithmetic `real`, (particles,) float64 [m]; 0 for particles of no
     rigid body.
 

@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import model_validator
 
 from softlab.model.base.table import ZERO, NotNegative, Part, Positive, Vector
+from softlab.model.base.types import Real
 from softlab.model.geometry.arithmetic.ordered import dot, norm
 from softlab.model.tables.fluid import Flat
 
@@ -162,7 +163,7 @@ def rebased(scene: Any, emitter_state: np.ndarray, time: float) -> np.ndarray:
     return np.stack([np.maximum(time, starts), layers_passed(scene, emitter_state, time)], axis=1).reshape(-1, 2)
 
 
-def nozzle_points(scene: Any, real: type) -> np.ndarray:
+def nozzle_points(scene: Any, real: Real) -> np.ndarray:
     """Return the points of all emitters, (points, 3) [m], in the arithmetic `real`."""
     fluids = scene.fluid_set
     points = [part.nozzle(fluids.spacing, fluids.dimensions) for part in scene.emitters.values()]

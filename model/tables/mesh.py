@@ -8,6 +8,7 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 from pydantic import field_validator, model_validator
 
+from softlab.model.base.pins import checked_pins
 from softlab.model.base.table import Count, Part, Positive
 from softlab.model.geometry.normals import mesh_normals
 from softlab.model.geometry.topology import describe, mesh_of, vertex_masses
@@ -64,8 +65,9 @@ class Mesh(Cloth):
     @field_validator("pinned", mode="before")
     @classmethod
     def _pinned_is_a_word_or_a_list(cls, value: object) -> object:
-        numbers = isinstance(value, list | tuple) and all(type(k) is int for k in value)
-        return list(value) if numbers else Grid._pinned_is_a_word_or_a_list(value)  # type: ignore[call-overload]
+        if isinstance(value, list | tuple) and all(type(k) is int for k in value):
+            return list(value)
+        return checked_pins(value)
 
     @model_validator(mode="after")
     def _pins_lie_inside(self) -> Mesh:
@@ -97,7 +99,7 @@ class Mesh(Cloth):
         return mesh_normals(position, self.triangles())
 
     def _idle_fields(self) -> set[str]:
-        """Return all fields that cannot be given, so that a written scene can be read."""
+        """Return the fields that must not be written, so that the written scene can be read again."""
         return {"density" if self.density is None else "mass", *(OF_FILES if self.file is None else OF_SHEETS)}
 
 

@@ -56,7 +56,7 @@ class MeshSource(Part):
         return self
 
     def _idle_fields(self) -> set[str]:
-        """Return all fields that cannot be given, so that a written scene can be read."""
+        """Return the fields that must not be written, so that the written scene can be read again."""
         idle = set(OF_FILES) if self.shape is not None else {"shape"}
         idle |= set() if getattr(self, "fill_holes", None) else {"fill_holes"}
         return super()._idle_fields() | idle | {name for name in type(self).model_fields if getattr(self, name) is None}

@@ -7,11 +7,7 @@ from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
-from pydantic import (
-    Field,
-    field_validator,
-    model_validator,
-)
+from pydantic import Field, field_validator, model_validator
 
 from softlab.model.base.errors import SceneError
 from softlab.model.base.pins import Pins, checked_pins

@@ -32,11 +32,7 @@ CONSTANTS = ("elastic_compliance", "elastic_damping", "elastic_stiffening")  # o
 SLEEPING, SLEEP = "sleeping-vertices", "keep places"  # a part of a plan, a stage
 WHOLE = "tetrahedra-volumes-of-voxels"
 DAMPED, BLOCKS, ITERATED, CLOTH = "tetrahedra-damping", "tetrahedra-blocks", "tetrahedra-iterated", "cloth"
-KINDS = {
-    1: "tetrahedra",
-    5: "voxels",
-    6: "Kuhn voxels",
-}  # of sets, by the number of tetrahedra of a run
+KINDS = {1: "tetrahedra", 5: "voxels", 6: "Kuhn voxels"}  # of sets, by the number of tetrahedra of a run
 SHAPES, VOLUMES = "voxels' shapes", "voxels' volumes"  # of sets of voxels that conserve their volume as a whole
 Sets = tuple[tuple[np.ndarray, ...], tuple[ConstraintSet, ...]]
 _known: WeakKeyDictionary[TetrahedraSet, Sets] = WeakKeyDictionary()  # cached, since colouring is slow

@@ -4,15 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from softlab.model.core.sharing.partitions import SharedMesh, Window
+from softlab.model.core.sharing.partitions import Window
 from softlab.model.scene.scene import Scene
 from softlab.model.tetrahedra.descent import descents
-from softlab.model.tetrahedra.partitions import partitions_by
-
-
-def descent_partitions(scene: Scene) -> SharedMesh:
-    """Return the meshes of a scene. Raises SceneError."""
-    return partitions_by(scene, descended)
 
 
 def descended(scene: Scene, needed: np.ndarray) -> Window:

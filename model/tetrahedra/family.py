@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from softlab.model.base.clock import START, Clock
+from softlab.model.base.types import Real
 from softlab.model.contact.attachments import KIND, stored
 from softlab.model.contact.substep_parameters import XPBD_FIELDS, xpbd_values
 from softlab.model.core.family import Arrays, SolverFamily
@@ -22,11 +21,11 @@ from softlab.model.tetrahedra.constraints import CONSTANTS, constraint_sets, tet
 from softlab.model.tetrahedra.contact_sag import sag_lines
 from softlab.model.tetrahedra.damping_load import damping_lines
 from softlab.model.tetrahedra.material import energies
-from softlab.model.tetrahedra.partitions import tetrahedra_partitions
+from softlab.model.tetrahedra.partitions import partitions_by, projected
 
 
 def tetrahedra_record(
-    scene: Scene, real: Any, poke: tuple[float, ...] = (0.0, 0.0, 0.0), clock: Clock = START
+    scene: Scene, real: Real, poke: tuple[float, ...] = (0.0, 0.0, 0.0), clock: Clock = START
 ) -> np.ndarray:
     """Return CONSTANTS, then those of every position-based solver, (1,). Compliances [1/J] are in units of h^2 over the
     mean mass."""
@@ -83,6 +82,6 @@ TETRAHEDRA = SolverFamily(
     reference="softlab.bench.reference.tetrahedra",
     presentation="softlab.app.families.tetrahedra:TETRAHEDRA",
     apart=tetrahedra_apart,
-    partitions=tetrahedra_partitions,
+    partitions=lambda scene: partitions_by(scene, projected),
     unknown="tetrahedra have no converged reference; softlab tetrahedra measures how far a bar is from rest",
 )

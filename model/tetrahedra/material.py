@@ -130,8 +130,8 @@ def stiffnesses(body_set: TetrahedraSet, chosen: np.ndarray) -> np.ndarray:
 
 
 def row_stiffnesses(body_set: TetrahedraSet, chosen: np.ndarray) -> np.ndarray:
-    """Return the values of `stiffnesses` for position-based rows, each of which is at rest by itself: k_H is lambda, J
-    at rest 1."""
+    """Return the values of `stiffnesses` for position-based rows, each of which is at rest on its own: k_H is lambda,
+    and J is 1 at rest."""
     return _values(body_set, chosen, body_set.lame()[1][chosen], np.ones(len(chosen)))
 
 

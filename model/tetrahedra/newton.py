@@ -18,6 +18,7 @@ import numpy as np
 
 from softlab.model.base.clock import START, Clock
 from softlab.model.base.errors import SceneError
+from softlab.model.base.types import Real
 from softlab.model.contact.substep_parameters import XPBD_FIELDS, xpbd_values
 from softlab.model.core.family import Field, counter
 from softlab.model.core.own_forces import particle_forces
@@ -63,7 +64,7 @@ def holding(body_set: TetrahedraSet) -> np.ndarray:
     return np.bincount(body_set.tetrahedra.ravel(), each.ravel(), body_set.particle_count)
 
 
-def rounding_floor(body_set: TetrahedraSet, real: Any) -> float:
+def rounding_floor(body_set: TetrahedraSet, real: Real) -> float:
     """Return the residual [J], in the norm of the inverse diagonal blocks, below which iterations stop.
 
     It is that of strains of a tenth of the rounding error.
@@ -107,7 +108,7 @@ def refuse_unsteady(scene: Scene, live: frozenset[str]) -> None:
 
 
 def newton_record(
-    scene: Scene, real: Any, poke: tuple[float, ...] = (0.0, 0.0, 0.0), clock: Clock = START
+    scene: Scene, real: Real, poke: tuple[float, ...] = (0.0, 0.0, 0.0), clock: Clock = START
 ) -> np.ndarray:
     """Return CONSTANTS, then those of every position-based solver, (1,); h is the length of a solve."""
     one = solved(scene)

@@ -22,18 +22,11 @@ from softlab.model.tetrahedra.constraints import SLEEPING, constraint_sets, tetr
 ALIKE = 1e-6  # of a mean edge: vertices this near to each other along a body are in one layer
 
 
-def tetrahedra_partitions(scene: Scene) -> SharedMesh:
-    """Return the meshes of a position-based scene.
-
-    Raises SceneError for parts that let bodies act on each other, and for those that depend on all vertices.
-    """
-    return partitions_by(scene, _projected)
-
-
 def partitions_by(scene: Scene, walk: Callable[[Scene, np.ndarray], Window]) -> SharedMesh:
     """Return the meshes of a scene for any solver.
 
-    `walk(scene, needed)`: what its sweeps read so that the `needed` (particles,) bool are as in the whole.
+    `walk(scene, needed)`: what its sweeps read so that the `needed` (particles,) bool are as in the whole. Raises
+    SceneError for parts that let bodies act on each other, and for those that depend on all vertices.
     """
     tetrahedra_apart(scene)
     body_set = scene.tetrahedra_set
@@ -74,7 +67,9 @@ def _looked_at(scene: Scene, owned: np.ndarray) -> np.ndarray:
     return needed
 
 
-def _projected(scene: Scene, needed: np.ndarray) -> Window:
+def projected(scene: Scene, needed: np.ndarray) -> Window:
+    """Return the window that all iterations of a substep read so that the `needed` (particles,) bool are as in the
+    whole."""
     body_set = scene.tetrahedra_set
     needed, touched = needed.copy(), np.zeros(len(body_set.tetrahedra), bool)
     for _ in range(scene.method.iterations):

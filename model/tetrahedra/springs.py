@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from softlab.model.base.types import Real
 from softlab.model.contact.attachments import attachment_sets, part_of
 from softlab.model.formulas.elastic.spring import AT_POINT, AT_STIFFNESS, CORNERS, COUNT
 from softlab.model.geometry.arithmetic.ordered import total
@@ -49,7 +50,7 @@ class Springs:
     entries: np.ndarray
     bodies: np.ndarray
 
-    def arrays(self, real: type) -> SpringArrays:
+    def arrays(self, real: Real) -> SpringArrays:
         return SpringArrays(self.meets, self.entries, self.corners, np.ascontiguousarray(self.values, real))
 
     @property
@@ -114,7 +115,7 @@ def _entries(body_set: TetrahedraSet, corners: np.ndarray, bodies: np.ndarray) -
     return lists.offsets, lists.indices
 
 
-def rounding_of(one: Springs, extent: float, real: type) -> float:
+def rounding_of(one: Springs, extent: float, real: Real) -> float:
     """Return the residual [J] of springs by rounding of positions, as model/tetrahedra/newton.py for tetrahedra."""
     return float((0.1 * np.finfo(real).eps * extent) ** 2 * total(one.values[:, AT_STIFFNESS]))
 

@@ -7,11 +7,10 @@ the rows that kernels read for motions (model/contact/cloth_parameters.py); in l
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from softlab.model.base.errors import SceneError
+from softlab.model.base.types import Real
 from softlab.model.contact.cloth_parameters import (
     M_DURATION,
     M_START,
@@ -41,7 +40,7 @@ class Targets:
     pins with targets; `resting`, `wanted` (pins, 3) float64 [m]: previous positions, and those at the end of `step`.
     """
 
-    def __init__(self, scene: Scene, body: Body, real: Any):
+    def __init__(self, scene: Scene, body: Body, real: Real):
         colliders, motions = collider_numbers(scene, real), motion_rows(scene, real)
         pins = pin_rows(scene, body, real, colliders.size)
         self.settable, count = pins[:, P_MOTION] < 0, len(pins)
@@ -51,7 +50,7 @@ class Targets:
         if self.first > most:
             reason = f"{np.dtype(real).name} counts to {most}, and a pin takes {MOTION_FIELDS} numbers: use float64"
             raise SceneError("live", f"{count} pins with targets", reason)
-        moving = np.zeros((count, MOTION_FIELDS), real)
+        moving: np.ndarray = np.zeros((count, MOTION_FIELDS), real)
         moving[:, M_V], moving[:, M_DURATION] = 1, 1  # an axis and a time, which have no effect without a speed
         pins[self.settable, P_MOTION] = (begin + MOTION_FIELDS * np.arange(count))[self.settable]
         self.rows = np.concatenate([colliders, motions.reshape(-1), moving.reshape(-1), pins.reshape(-1)])

@@ -11,23 +11,24 @@ position-based ones keep 26.
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from softlab.model.base.clock import START, Clock
+from softlab.model.base.types import Real
 from softlab.model.contact.substep_parameters import XPBD_FIELDS, xpbd_values
 from softlab.model.core.parameters import rounded_record
 from softlab.model.core.stability.projection import with_limit
 from softlab.model.scene.scene import Scene
 from softlab.model.tetrahedra.constraints import through_note
 from softlab.model.tetrahedra.descent import SCALE, vbd_plan
-from softlab.model.tetrahedra.descent_partitions import descent_partitions
+from softlab.model.tetrahedra.descent_partitions import descended
 from softlab.model.tetrahedra.family import TETRAHEDRA
 from softlab.model.tetrahedra.newton import CONSTANTS
+from softlab.model.tetrahedra.partitions import partitions_by
 
 
-def vbd_record(scene: Scene, real: Any, poke: tuple[float, ...] = (0.0, 0.0, 0.0), clock: Clock = START) -> np.ndarray:
+def vbd_record(scene: Scene, real: Real, poke: tuple[float, ...] = (0.0, 0.0, 0.0), clock: Clock = START) -> np.ndarray:
     """Return SCALE, h^2 over the mean mass, by which stiffnesses times volumes [J] are multiplied, then the constants
     of every position-based solver, (1,)."""
     h = scene.method.dt / scene.method.substeps
@@ -53,6 +54,6 @@ TETRAHEDRA_VBD = replace(
         "cpu": "softlab.cpu_backend.tetrahedra.descent:VertexBlockDescent",
         "gpu": "softlab.gpu_backend.tetrahedra.descent:VertexBlockDescent",
     },
-    partitions=descent_partitions,
+    partitions=lambda scene: partitions_by(scene, descended),
     passes={"cpu": "softlab.app.plan.mesh:vertices_on_cpu", "gpu": "softlab.app.plan.mesh:vertices_on_gpu"},
 )

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from softlab.model.base.clock import START, Clock
+from softlab.model.base.types import Real
 from softlab.model.core.family import (
     CONTACTS_LOST,
     Arrays,
@@ -46,7 +47,7 @@ def _plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
     return world_plan(scene, plans)
 
 
-def _record(scene: Scene, real: Any, poke: tuple[float, ...] = (0.0, 0.0, 0.0), clock: Clock = START) -> np.ndarray:
+def _record(scene: Scene, real: Real, poke: tuple[float, ...] = (0.0, 0.0, 0.0), clock: Clock = START) -> np.ndarray:
     """Return the length of a substep [s], (1,). The members' constants are in their own records."""
     return rounded_record(scene, {"dt": scene.method.dt / scene.method.substeps}, {"dt": "method.dt"}, real)
 

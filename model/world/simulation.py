@@ -95,7 +95,7 @@ class WorldSimulation(Simulation):
     # ------------------------------------------------------------------ the state
 
     def load(self, state: State) -> None:
-        """Continue from a state, see Simulation; each member loads its own part."""
+        """Continue from a state, as Simulation.load; each member loads its particles."""
         arrays, inverse_mass = checked_arrays(state, self.body.position.shape, self.options.precision)
         time = float(state.time)
         if not np.allclose(inverse_mass, self._body_at(time).inverse_mass, rtol=1e-6, atol=0):

@@ -95,6 +95,7 @@ def _sampled(scene: Scene) -> Iterator[_Sampled]:
             yield _surface(scene, name, body_set.surface[inside].astype(np.int64), body_set.position, first, thick)
     if "cloth" in scene.members:
         cloth_scene, first = scene.members["cloth"], slices["cloth"].start
+        assert cloth_scene.mesh is not None
         mesh = mesh_of(cloth_scene.mesh)
         position = scene.world_set.position[slices["cloth"]]
         yield _surface(scene, cloth_scene.name_of("mesh"), mesh.triangles.astype(np.int64), position, first, THIN)

@@ -11,8 +11,9 @@ import numpy as np
 from softlab.model.contact.self_contact_parameters import SELF_CONTACT_PARAMETERS
 from softlab.model.contact.substep_parameters import XPBD_PARAMETERS
 from softlab.model.contact.surface_parameters import SURFACE_CONTACT_PARAMETERS
+from softlab.model.core.own_forces import force_names
 from softlab.model.core.parameters import PARAMETERS, record_type
-from softlab.model.fluid.parameters import record_names
+from softlab.model.fluid.parameters import FLUID_PARAMETERS
 from softlab.model.mass_spring.implicit_parameters import SYSTEM_PARAMETERS
 from softlab.model.tetrahedra.constraints import CONSTANTS
 
@@ -23,7 +24,7 @@ RECORDS = {  # of a grid; of all solvers of quads, a cloth's names among others;
     "surfaces": SURFACE_CONTACT_PARAMETERS,
     "matrix": SYSTEM_PARAMETERS,
     "tetrahedra": (*CONSTANTS, *XPBD_PARAMETERS),
-    "fluid": record_names(3),
+    "fluid": (*force_names(3), *FLUID_PARAMETERS),
 }
 
 

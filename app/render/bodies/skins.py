@@ -40,7 +40,7 @@ class Skins:
         gl.glBindBuffer(gl.GL_ARRAY_BUFFER, 0)
 
     def draw(self, program: Any) -> None:
-        """With a program that is in use, of SKINNING."""
+        """Draw the skins with the SKINNING `program`, which must be in use."""
         from pyglet import gl
 
         program["first"], program["each"] = self._first, self._each

@@ -137,8 +137,8 @@ class BodiesView(View):
         self._send(self.frames.of_simulation(simulation, position))
 
     def show_bodies(self, inverse_mass: np.ndarray | None) -> None:
-        """Hide bodies that are inactive by these inverse masses (particles,), as in State, from the next upload on; at
-        first those that are inactive when the scene starts."""
+        """Hide the bodies that are inactive by the inverse masses (particles,) of a State, from the next upload on.
+        Before the first call the bodies that are inactive at the start are hidden."""
         if inverse_mass is self._weights:  # as in nearly every frame
             return
         self._weights, active = inverse_mass, copies_there(self.scene, inverse_mass)
@@ -204,7 +204,7 @@ class BodiesView(View):
 
     @property
     def _inside(self) -> bool:
-        """True if something is to be seen through the skin."""
+        """True if particles, clusters or links are drawn inside the skin."""
         return self.particles or self.clusters or self.links
 
     def _draw_links(self, camera: Camera3D) -> None:

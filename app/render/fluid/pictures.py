@@ -85,7 +85,7 @@ class FluidPictures:
         gl.glClear(gl.GL_COLOR_BUFFER_BIT | (gl.GL_DEPTH_BUFFER_BIT if which == DEPTH else 0))
 
     def bind(self, **pictures: int) -> None:
-        """Pictures for the program in use, by the names of its samplers."""
+        """Bind pictures to the samplers of the program in use, by name."""
         from pyglet import gl
 
         for unit, (_, which) in enumerate(pictures.items()):
@@ -102,8 +102,8 @@ class FluidPictures:
         gl.glBindVertexArray(0)
 
     def copy_from(self, frame: int | None) -> None:
-        """Picture and depth of a frame buffer of the same size, into BEHIND and BEHIND_DEPTH, where drawing goes then. None:
-        nothing, infinitely far. Depth must be written."""
+        """Copy picture and depth of a frame buffer of the same size into BEHIND and BEHIND_DEPTH, which become the
+        target of drawing. None: nothing, infinitely far away. Writing of depth must be enabled."""
         from pyglet import gl
 
         width, height = self.size

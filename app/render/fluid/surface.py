@@ -170,9 +170,11 @@ class FluidSurface:
     # ------------------------------------------------------------------ the passes
 
     def passes(self, camera: Camera3D, frame: int | None = None) -> None:
-        """Depth, filtered, and thickness, of the positions that the buffer holds, among what the picture and the depth of the
-        frame buffer `frame`, of the camera's size, hold: by itself without. Where drawing went before, and its tests, are
-        as they were."""
+        """Compute the filtered depth and the thickness of the particles in the buffer.
+
+        The picture and the depth in the frame buffer `frame`, of the camera's size, hide particles behind them; without
+        `frame` nothing does. The bound frame buffer and its tests are restored.
+        """
         from pyglet import gl
 
         bound, box, writes = gl.GLint(), (gl.GLint * 4)(), gl.GLboolean()
@@ -300,7 +302,7 @@ class FluidSurface:
         program.stop()
 
     def bind_depth(self) -> None:
-        """The depth of the last `passes`, for the only sampler of the program in use."""
+        """Bind the depth of the last `passes` to the only sampler of the program in use."""
         self._pictures.bind(depth=self._result)
 
     def delete(self) -> None:

@@ -18,8 +18,8 @@ OVER = 0.25  # of the fluid's first height: how far the bars of walls without an
 
 
 def tank_box(scene: Scene) -> tuple[np.ndarray, np.ndarray, bool] | None:
-    """(lowest, highest corner (3,) [m], whether it has a rim) of the box between a floor and four walls along the axes that
-    stand still; None for scenes in space without fluids or without such walls."""
+    """Return (lowest corner, highest corner (3,) [m], True if it has a rim) of the box between a floor and four
+    vertical walls that do not move. None for scenes in the plane, without fluids or without such walls."""
     if scene.dimensions != 3 or not with_fluids(scene):
         return None
     low, high = np.full(3, -np.inf), np.full(3, np.inf)

@@ -16,12 +16,7 @@ from softlab.app.render.fluid.plane import PlaneFluid
 from softlab.app.render.fluid.surface import FluidSurface
 from softlab.app.render.particle_colours import of_numbers
 from softlab.app.render.spheres import Spheres
-from softlab.app.render.vertex_arrays import (
-    delete_all,
-    square_array,
-    static_buffer,
-    vertex_array,
-)
+from softlab.app.render.vertex_arrays import delete_all, square_array, static_buffer, vertex_array
 from softlab.app.render.view import View
 from softlab.model.base.errors import InputError
 from softlab.model.core.simulation import Simulation
@@ -56,7 +51,8 @@ def water_first(fluid_set: FluidSet) -> np.ndarray:
 
 
 def fluid_colours(number: np.ndarray) -> np.ndarray:
-    """(n, 3) float32 of numbers as of `water_first`: the first is blue, the second amber, as ABSORBED leaves light."""
+    """Return the colours (n, 3) float32 of fluids by numbers as of `water_first`: the first is blue, the second amber,
+    as ABSORBED leaves light."""
     return of_numbers(np.where(number < 2, 1 - number, number))
 
 
@@ -95,7 +91,7 @@ class FluidView(View):
         self.upload(fluid_set.position)
 
     def _appearance(self, colour: np.ndarray) -> np.ndarray:
-        """(particles, 4) float32: colours and radii [m]."""
+        """Return colours and radii [m] of the particles, (particles, 4) float32."""
         radius = np.full((len(colour), 1), self._radius)
         return np.ascontiguousarray(np.concatenate([colour, radius], axis=1), np.float32)
 
@@ -129,11 +125,11 @@ class FluidView(View):
         return self.foam
 
     def show_foam(self, points: FoamPoints) -> None:
-        """Draw these points, whose history is known, instead of the view's."""
+        """Draw these foam particles, whose history is known, instead of those that the view computes."""
         self._foam.points = points
 
     def next_colouring(self) -> None:
-        """Colour by fluid, by speed, by density, in turn."""
+        """Change the colouring: by fluid, by speed, by density, in turn."""
         self.colour_by(COLOURINGS[(COLOURINGS.index(self.colouring) + 1) % len(COLOURINGS)])
 
     def colour_by(self, name: str) -> None:

@@ -41,7 +41,8 @@ class Context:
         self.frames = 0
 
     def frame(self, width: int, height: int, draw: Callable[[], None], seconds: float | None = None) -> None:
-        """Lay out what `draw` says over a window of so many pixels; `seconds` since the last frame, unless measured."""
+        """Lay out what `draw` says over a window of `width` x `height` pixels. `seconds`: time since the last frame;
+        measured by default."""
         self.make_current()
         now = perf_counter()
         passed = now - self._last if seconds is None else seconds

@@ -6,7 +6,6 @@ from __future__ import annotations
 import re
 from collections.abc import Collection
 from dataclasses import dataclass
-from functools import cache
 from math import isfinite
 from typing import Any, Literal, get_args, get_origin
 
@@ -15,6 +14,7 @@ from pydantic.fields import FieldInfo
 
 from softlab.model.base.words import notes_of
 from softlab.model.core.options import LIVE_PATHS
+from softlab.model.scene.fields import marks_of
 from softlab.model.scene.scene import Scene
 from softlab.model.tables.parts import Elastic
 
@@ -55,17 +55,17 @@ class Parameter:
 
     @property
     def part(self) -> str:
-        """The table."""
+        """Name of the table."""
         return self.path.partition(".")[0]
 
     @property
     def field(self) -> str:
-        """Its name there."""
+        """Name of the field in its table."""
         return self.path.partition(".")[2].strip()
 
     @property
     def label(self) -> str:
-        """Its name in words."""
+        """Name of the field in words."""
         return {"dt": "dt", "young_modulus": "Young's modulus", "poisson_ratio": "Poisson's ratio"}.get(
             self.field, self.field.replace("_", " ")
         )
@@ -90,7 +90,7 @@ def parameters_of(scene: Scene, initial: Scene, live: Collection[str]) -> list[P
 def _parameter(scene: Scene, initial: Scene, part: str, field: str, live: bool) -> Parameter | None:
     kind_of_part, table = scene.kinds[part], scene.parts[part]
     value = getattr(table, field)
-    note, info = _notes(type(table)).get(field, ""), type(table).model_fields[field]
+    note, info = notes_of(type(table)).get(field, ""), type(table).model_fields[field]
     unit = matched.group() if (matched := UNIT.match(note)) else ""
     why = "" if live else _why(kind_of_part, field)
     path, initial_value = f"{part}.{field}", initial.value(f"{part}.{field}")
@@ -117,22 +117,8 @@ def _why(kind: str, field: str) -> str:
     return WHY.get(kind, WHY_OTHERS)
 
 
-@cache
-def _notes(part: type) -> dict[str, str]:
-    return notes_of(part)
-
-
-def _marks(annotation: Any) -> list[Any]:
-    """Return the bounds within an annotation."""
-    marks: list[Any] = []
-    for part in get_args(annotation):
-        marks += part.metadata if isinstance(part, FieldInfo) else [part] if isinstance(part, Ge | Gt | Le) else []
-        marks += _marks(part)
-    return marks
-
-
 def _words(info: FieldInfo) -> tuple[str, ...]:
-    """The words that a field may be, if it is one of some."""
+    """Return the words that a field accepts, if it accepts only some."""
     annotation = info.annotation
     if get_origin(annotation) is Literal and all(isinstance(word, str) for word in get_args(annotation)):
         return tuple(get_args(annotation))
@@ -144,8 +130,8 @@ def _whole(info: FieldInfo) -> bool:
 
 
 def _range(field: str, info: FieldInfo, kind: str, value: float) -> tuple[float, float, bool]:
-    """(low, high, whether it goes by factors) of a slider about a `value`, within what the field allows."""
-    marks = [*info.metadata, *_marks(info.annotation)]
+    """Return (lowest, highest value, True if logarithmic) of a slider about a `value`, within the bounds of the field."""
+    marks = marks_of(info)
     bounds: list[Any] = [mark.ge if isinstance(mark, Ge) else mark.gt for mark in marks if isinstance(mark, Ge | Gt)]
     least = max(map(float, bounds), default=None)
     above = any(isinstance(mark, Gt) for mark in marks)

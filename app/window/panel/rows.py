@@ -104,8 +104,8 @@ class Rows:
         return pressed
 
     def buttons(self, names: Sequence[str], on: str = "", prefix: str = "") -> str:
-        """Draw a row of buttons as wide as the column, of which one may stand out. Returns the one that was pressed, or
-        ""."""
+        """Draw a row of buttons as wide as the column; one may be highlighted. Returns the label of the pressed button,
+        or ""."""
         imgui, chosen = self.imgui, ""
         gap = imgui.get_style().item_spacing.x
         width = (imgui.get_content_region_avail().x - gap * (len(names) - 1)) / len(names)

@@ -25,7 +25,7 @@ WITH_PARTICLES = {
 
 @dataclass(frozen=True)
 class Entry:
-    """One scene. `name`: what `load_scene` takes; `kind`: what it shows (app/window/panes.py)."""
+    """One scene in the list. `name`: argument of `load_scene`; `kind`: of its particles (app/window/panes.py)."""
 
     name: str
     title: str
@@ -39,8 +39,8 @@ class Entry:
 
 @cache
 def _entry(name: str, changed: float) -> Entry | None:
-    """The entry of a scene; None for a file that holds no scene. `changed`: when the file was written [s], so that each
-    version is read once."""
+    """Return the entry of a scene; None for a file without a scene. `changed`: when the file was written [s], so that
+    each version is read once."""
     try:
         tables, known_as = scene_tables(name)
     except SoftlabError:
@@ -63,6 +63,6 @@ def scene_entries(folder: Path | None = None) -> list[Entry]:
 
 
 def matching(entries: Sequence[Entry], text: str) -> list[Entry]:
-    """The entries whose title or name holds every word of `text`, in any case."""
+    """Return the entries whose title or name contains every word of `text`, ignoring case."""
     words = text.lower().split()
     return [entry for entry in entries if all(word in entry.label.lower() for word in words)]

@@ -15,7 +15,7 @@ UNITS = {"m/s^2": "m/s²", "1/s^2": "1/s²", "kg/m^2": "kg/m²", "kg/m^3": "kg/m
 
 
 def rounded(value: float) -> float:
-    """Round to the digits of a slider."""
+    """Round to the number of digits that a slider shows."""
     return float(f"{value:.{DIGITS}g}")
 
 

@@ -70,7 +70,7 @@ DARK = Theme(
 
 @dataclass
 class PanelStyle:
-    """`theme`, and `unit` [pixels]; the fonts `plain` and `bold`, once `load_fonts` found them."""
+    """Colours and sizes of the panel: `theme`, `unit` [pixels], and the fonts `plain` and `bold` after `load_fonts`."""
 
     theme: Theme = LIGHT
     unit: float = 1.0
@@ -129,5 +129,5 @@ class PanelStyle:
                 style.set_color_(int(getattr(imgui.Col_, name)), imgui.ImVec4(*colour, 1.0))
 
     def colour(self, imgui: Any, name: str, alpha: float = 1.0) -> int:
-        """A colour of the theme as Dear ImGui packs it."""
+        """Return a colour of the theme in Dear ImGui's packed form."""
         return int(imgui.color_convert_float4_to_u32(imgui.ImVec4(*getattr(self.theme, name), alpha)))

@@ -6,6 +6,7 @@ from sums over all masses that have one order for any number of threads (mass_sp
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from typing import Any
 
@@ -19,6 +20,7 @@ from softlab.cpu_backend.mass_spring.arrays import ImplicitArrays
 from softlab.cpu_backend.mass_spring.cloth.implicit_rows import AR, WORK_PLANES, R, S, U, X, make_row_passes
 from softlab.cpu_backend.mass_spring.cloth.kernels import PLANES
 from softlab.cpu_backend.mass_spring.cloth.sums import make_sums_over_masses
+from softlab.model.base.types import Real
 from softlab.model.formulas import cloth, implicit
 from softlab.model.formulas.implicit import FINISH, MOVE, PRODUCT, RESIDUAL, RETREAT, START, UPDATE
 from softlab.model.mass_spring.implicit_parameters import (
@@ -32,7 +34,7 @@ from softlab.model.mass_spring.implicit_parameters import (
 )
 
 
-def control_type(real: Any) -> np.dtype:
+def control_type(real: Real) -> np.dtype:
     """Return the structured type of what passes leave for the next: its kind, steps done, Counts and Values of
     formulas/implicit.py."""
     integers = [(name, np.int64) for name in ("next", "steps", *implicit.Counts._fields)]
@@ -56,7 +58,7 @@ def factors(kind: int, n: int) -> tuple[int, int]:
     return (R, S) if n == 1 else (U, U)
 
 
-def make_pass_band(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+def make_pass_band(compiler: Compiler, real: Real, parts: frozenset[str]) -> Callable:
     """Make pass_band(c, band, step, source, target, sheet, system, arrays): one pass on a band's rows; `c`: the record of
     control_type; `arrays`: ImplicitArrays."""
     rows_of = make_row_passes(compiler, real, parts)
@@ -124,7 +126,7 @@ def make_pass_band(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
 
 @cache
-def make_cloth_implicit(real: Any, math: str, linear: bool, parts: frozenset[str]) -> Any:
+def make_cloth_implicit(real: Real, math: str, linear: bool, parts: frozenset[str]) -> Callable:
     """Compile advance(bands, steps, step, states, current, sheet, system, arrays).
 
     It does `steps` steps, alternating between the two states of `states` (core/layout.py). `system`:

@@ -5,18 +5,20 @@ Both read a vector at each position, and a second vector that belongs to it, six
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import block_of, row_at
 from softlab.cpu_backend.core.scratch import AXES
+from softlab.model.base.types import Real
 from softlab.model.contact.cloth_parameters import spring_constants
 from softlab.model.formulas import implicit
 
 BESIDE = 2 * AXES  # planes from a vector to the one that belongs to it
 
 
-def _make(compiler: Compiler, real: Any, kind: str, place: Any, formula: Any, name: str) -> Any:
+def _make(compiler: Compiler, real: Real, kind: str, place: Any, formula: Callable, name: str) -> Callable:
     """Make a function like rows.make_accelerations with `formula(d, w, stiffness, rest, damping, dt)`; d and w are
     differences of the two vectors."""
     block = block_of(real)
@@ -53,12 +55,12 @@ def _make(compiler: Compiler, real: Any, kind: str, place: Any, formula: Any, na
     return compiler.compiled(pulls)
 
 
-def make_end_pulls(compiler: Compiler, real: Any, parts: frozenset[str], kind: str, place: Any) -> Any:
+def make_end_pulls(compiler: Compiler, real: Real, parts: frozenset[str], kind: str, place: Any) -> Callable:
     """Make forces at the step's end. First vector: position without the end velocity; second: that velocity."""
     return _make(compiler, real, kind, place, compiler.formulas(implicit, real).end_pull_3d, "end")
 
 
-def make_products(compiler: Compiler, real: Any, parts: frozenset[str], kind: str, place: Any) -> Any:
+def make_products(compiler: Compiler, real: Real, parts: frozenset[str], kind: str, place: Any) -> Callable:
     """Make products. First vector: position at the step's end; second: the vector to multiply."""
     product_3d = compiler.formulas(implicit, real).product_3d
 

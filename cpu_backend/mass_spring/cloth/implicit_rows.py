@@ -7,7 +7,6 @@ The working memory is planes as of a state, three for a vector, in the order for
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
@@ -18,6 +17,7 @@ from softlab.cpu_backend.mass_spring.cloth.implicit_pulls import make_end_pulls,
 from softlab.cpu_backend.mass_spring.cloth.kernels import make_settle
 from softlab.cpu_backend.mass_spring.cloth.rows import make_cloth_forces, make_spring_rows, make_sums
 from softlab.cpu_backend.mass_spring.cloth.sums import make_sums_over_masses
+from softlab.model.base.types import Real
 from softlab.model.formulas import implicit
 from softlab.model.tables.cloth import SPRING_KINDS
 
@@ -33,7 +33,7 @@ def spring_parts(parts: frozenset[str]) -> frozenset[str]:
     return frozenset(part for part in parts if part.split("-")[0] in SPRING_KINDS)
 
 
-def make_loops(compiler: Compiler, real: Any) -> SimpleNamespace:
+def make_loops(compiler: Compiler, real: Real) -> SimpleNamespace:
     """Make the loops along one axis of a row; the arrays that a loop writes are its last arguments."""
     row, block = compiler.row, block_of(real)
     formulas = compiler.formulas(implicit, real)
@@ -103,7 +103,7 @@ def make_loops(compiler: Compiler, real: Any) -> SimpleNamespace:
     )  # fmt: skip
 
 
-def make_system_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
+def make_system_rows(compiler: Compiler, real: Real, parts: frozenset[str]) -> SimpleNamespace:
     """Make the operations of the passes over the linear system on row `i`.
 
     `residual_row`, `product_row`, `update_row`; `add_up`: sums over masses; `pull_end`, `pull_matrix`: spring terms at
@@ -188,7 +188,7 @@ def make_system_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> Si
     )  # fmt: skip
 
 
-def make_row_passes(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
+def make_row_passes(compiler: Compiler, real: Real, parts: frozenset[str]) -> SimpleNamespace:
     """Make the operations of each pass on row `i`: those of `make_system_rows`, and those that move masses.
 
     `elsewhere`: sums of all forces except the springs', at the step's start (mass_spring/cloth/rows.py).

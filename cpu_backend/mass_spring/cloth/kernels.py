@@ -7,9 +7,9 @@ has the Runge-Kutta method, which has stages.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.core.scratch import AXES, cloth_variant, triples_of
 from softlab.cpu_backend.mass_spring.cloth.rows import make_cloth_forces
 from softlab.cpu_backend.mass_spring.grid.row_step import CLOSING, OPENING, make_finish_axis, make_finishes, pass_kind
+from softlab.model.base.types import Real
 from softlab.model.contact.cloth_parameters import (
     P_MOTION,
     PIN_FIELDS,
@@ -33,7 +34,7 @@ PLANES = 2 * AXES  # x, y, z, vx, vy, vz
 PIN_ROWS = 3  # index in the integers: where the rows of pins begin among those of colliders and motions
 
 
-def make_settle(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
+def make_settle(compiler: Compiler, real: Real, parts: frozenset[str]) -> SimpleNamespace:
     """Make the functions that complete a written row: `collide_row` (contact/colliders.py; only if `has_colliders`) and
     `settle(i, blocks, source, target, time, sheet)`.
 
@@ -77,7 +78,7 @@ def make_settle(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleN
     )
 
 
-def make_finish_rows(compiler: Compiler, real: Any, integrator: str, parts: frozenset[str]) -> Any:
+def make_finish_rows(compiler: Compiler, real: Real, integrator: str, parts: frozenset[str]) -> Callable:
     """Make finish(kind, blocks, position, velocity, closing, opening, parameters, new_position, new_velocity): it
     integrates one axis of a row from its sums of accelerations."""
     damped = compiler.formulas(springs, real).damped
@@ -86,7 +87,7 @@ def make_finish_rows(compiler: Compiler, real: Any, integrator: str, parts: froz
 
 
 @cache
-def make_cloth_advance(real: Any, math: str, integrator: str, parts: frozenset[str]) -> Any:
+def make_cloth_advance(real: Real, math: str, integrator: str, parts: frozenset[str]) -> Callable:
     """Compile the kernel for one-force integrators and velocity Verlet.
 
     advance(bands, passes, states, current, sheet, scratches) does the passes of `passes` over the sheet,

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
-from typing import Any
 
 import numpy as np
 
@@ -14,10 +14,11 @@ from softlab.cpu_backend.core.scratch import AXES, cloth_variant, triples_of
 from softlab.cpu_backend.mass_spring.cloth.kernels import PLANES, make_settle
 from softlab.cpu_backend.mass_spring.cloth.rows import make_cloth_forces
 from softlab.cpu_backend.mass_spring.grid.rk4 import BASE, SOURCE, STAGE_2, TARGET, TOTAL, make_rk4_rows
+from softlab.model.base.types import Real
 from softlab.model.formulas import cloth, motion, springs
 
 
-def make_times(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+def make_times(compiler: Compiler, real: Real, parts: frozenset[str]) -> Callable:
     """Make times(stage, step, parameters) -> (time of the stage's forces within the step, in steps; end time of the
     stage [s], 0 if no pin moves)."""
     instant, middle = compiler.formulas(cloth, real).instant, compiler.formulas(motion, real).middle
@@ -39,7 +40,7 @@ def make_times(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
     return times
 
 
-def make_stage_band(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+def make_stage_band(compiler: Compiler, real: Real, parts: frozenset[str]) -> Callable:
     """Make stage_band(band, stage, step, ...): a stage of a step on the rows of a band; other arguments as the
     kernel's.
 
@@ -112,7 +113,7 @@ def make_stage_band(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any
 
 
 @cache
-def make_cloth_rk4(real: Any, math: str, parts: frozenset[str]) -> Any:
+def make_cloth_rk4(real: Real, math: str, parts: frozenset[str]) -> Callable:
     """Compile advance(bands, steps, step, states, sheet, scratches).
 
     `states` as in mass_spring/grid/rk4.py, the rest as in mass_spring/cloth/kernels.py.

@@ -9,6 +9,7 @@ read. Sums have one fixed order (make_sums). Flags are closure constants: an abs
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
@@ -19,6 +20,7 @@ from softlab.cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE
 from softlab.cpu_backend.core.own_forces import make_particle_force_row
 from softlab.cpu_backend.core.scratch import AXES, SPAN, make_scratch, triples_of
 from softlab.cpu_backend.core.wind import make_winds
+from softlab.model.base.types import Real
 from softlab.model.contact.cloth_parameters import (
     spring_constants,
 )
@@ -27,7 +29,7 @@ from softlab.model.formulas import springs
 from softlab.model.tables.cloth import SPRING_KINDS
 
 
-def make_accelerations(compiler: Compiler, real: Any, parts: frozenset[str], kind: str, place: Any) -> Any:
+def make_accelerations(compiler: Compiler, real: Real, parts: frozenset[str], kind: str, place: Any) -> Callable:
     """Make pulls(blocks, source, plane, here, there, parameters, scratch, triple, width): the accelerations of the
     masses from `here` on by springs of a kind to those from `there` on."""
     block, has_damper = block_of(real), f"{kind}-damping" in parts
@@ -84,8 +86,9 @@ def make_accelerations(compiler: Compiler, real: Any, parts: frozenset[str], kin
 
 
 def make_spring_rows(
-    compiler: Compiler, real: Any, parts: frozenset[str], scratches: SimpleNamespace, make: Any = make_accelerations
-) -> Any:
+    compiler: Compiler, real: Real, parts: frozenset[str], scratches: SimpleNamespace,
+    make: Callable = make_accelerations,
+) -> Callable:  # fmt: skip
     """Make spring_rows(i, across, blocks, layout, source, parameters, scratch, width): the accelerations by the springs that
     lead from row `i` down and, if `across`, to the right; 0 for those that would lead out of the sheet. `make`: of the
     springs."""
@@ -128,7 +131,7 @@ def make_spring_rows(
     return spring_rows
 
 
-def make_sums(compiler: Compiler, real: Any, parts: frozenset[str], scratches: SimpleNamespace) -> Any:
+def make_sums(compiler: Compiler, real: Real, parts: frozenset[str], scratches: SimpleNamespace) -> Callable:
     """Make sum_accelerations(i, blocks, parameters, scratch, width): springs and gravity on row `i`, into `close`.
 
     A kind's four springs in pairs, then (structural + shear) + bending, then gravity.
@@ -139,7 +142,7 @@ def make_sums(compiler: Compiler, real: Any, parts: frozenset[str], scratches: S
     a_across, a_down, a_right = at.get("across", 0), at.get("down", 0), at.get("right", 0)
     a_left, a_far_across, a_far_down = at.get("left", 0), at.get("far_across", 0), at.get("far_down", 0)
 
-    def make_loop(has_gravity: bool) -> Any:
+    def make_loop(has_gravity: bool) -> Callable:
         def sum_row(
             blocks, across, down, above, right, right_above, left, left_above, far_across, far_down, far_above, gravity, out
         ):  # fmt: skip
@@ -184,7 +187,7 @@ def make_sums(compiler: Compiler, real: Any, parts: frozenset[str], scratches: S
     return sum_accelerations
 
 
-def make_row_forces(compiler: Compiler, real: Any, two_sums: bool, parts: frozenset[str], place: Any) -> Any:
+def make_row_forces(compiler: Compiler, real: Real, two_sums: bool, parts: frozenset[str], place: Any) -> Callable:
     """Make add(i, closing, opening, layout, parameters, integers, scratch, width): it adds forces on single masses to
     row `i`'s sums.
 
@@ -212,7 +215,7 @@ def make_row_forces(compiler: Compiler, real: Any, two_sums: bool, parts: frozen
     return add
 
 
-def make_cloth_forces(compiler: Compiler, real: Any, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
+def make_cloth_forces(compiler: Compiler, real: Real, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
     """Make `begin_walk(first, step, offset, ...)`, called before a band's first row, and `sum_forces(i, ...)`, row by
     row.
 

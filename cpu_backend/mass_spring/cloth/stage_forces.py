@@ -6,18 +6,19 @@ position has no area for the wind.
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
 
 import numpy as np
 from numba import prange
 
 from softlab.cpu_backend.core.compile import Compiler
+from softlab.model.base.types import Real
 from softlab.model.contact.cloth_parameters import spring_constants
 from softlab.model.formulas import springs
 from softlab.model.tables.cloth import SPRING_KINDS
 
 
-def make_pull(compiler: Compiler, real: Any, kind: str, has_damper: bool) -> Any:
+def make_pull(compiler: Compiler, real: Real, kind: str, has_damper: bool) -> Callable:
     """Make pull(state, i, j, row, column, parameters): the acceleration of mass (i, j) by its spring to (row,
     column)."""
     formulas = compiler.formulas(springs, real)
@@ -38,7 +39,7 @@ def make_pull(compiler: Compiler, real: Any, kind: str, has_damper: bool) -> Any
     return pull
 
 
-def make_spring_stage(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+def make_spring_stage(compiler: Compiler, real: Real, parts: frozenset[str]) -> Callable:
     """Compile spring_forces(state, parameters, acceleration).
 
     `state` (x, y, z, vx, vy, vz), `acceleration` (ax, ay, az), each an array (rows, columns). A kind's four springs in

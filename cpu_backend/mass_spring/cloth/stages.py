@@ -6,7 +6,7 @@ One mass at a time sums the forces of its up to twelve neighbours and the wind o
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
 from types import SimpleNamespace
 from typing import Any
@@ -23,6 +23,7 @@ from softlab.cpu_backend.core.wind import make_wind_stage
 from softlab.cpu_backend.mass_spring.cloth.kernels import PIN_ROWS
 from softlab.cpu_backend.mass_spring.cloth.stage_forces import make_spring_stage
 from softlab.cpu_backend.mass_spring.motion_stages import bind_motion, make_motion_stages
+from softlab.model.base.types import Real
 from softlab.model.contact.cloth_parameters import (
     P_MOTION,
     PIN_FIELDS,
@@ -32,7 +33,7 @@ from softlab.model.formulas import cloth, motion
 from softlab.model.tables.cloth import COLLIDER_KINDS, SPRING_KINDS
 
 
-def make_pin_stage(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+def make_pin_stage(compiler: Compiler, real: Real, parts: frozenset[str]) -> Callable:
     """Compile pins(bodies, first, rows, columns, step, halfway, parameters, state): it moves the pinned masses that
     follow a motion, to the step's end or half-way through it.
 
@@ -56,7 +57,7 @@ def make_pin_stage(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
 
 @cache
-def make_cloth_stages(real: Any, math: str, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
+def make_cloth_stages(real: Real, math: str, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
     """Make the stage kernels of a variant; each is compiled when it first runs, for the parts that affect it."""
 
     def build(make: Any, words: Sequence[str]) -> Any:

@@ -7,14 +7,14 @@ halves. Of all segments' sums, row by row, TREE running sums add every TREE-th; 
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import Any
 
 from softlab.cpu_backend.core.compile import Compiler
+from softlab.model.base.types import Real
 from softlab.model.formulas import lengths
 from softlab.model.mass_spring.implicit_parameters import LANES, SEGMENT, TREE
 
 
-def make_sums_over_masses(compiler: Compiler, real: Any) -> SimpleNamespace:
+def make_sums_over_masses(compiler: Compiler, real: Real) -> SimpleNamespace:
     """Make `segment_sums(columns, ax, ay, az, bx, by, bz, lanes, out)`, a . b of a row's vectors, segment by segment,
     and `total(parts, count, tree)`, the sum of the first `count` of `parts`. `lanes` (LANES,) and `tree` (TREE,) are
     scratch."""

@@ -7,16 +7,18 @@ begin at whole blocks of columns, an even number, so a column has the parity of 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from types import SimpleNamespace
-from typing import Any
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import block_of
+from softlab.model.base.types import Real
 
 
 def make_alternating_rows(
-    compiler: Compiler, real: Any, spring_acceleration_2d: Any, sum_accelerations: Any, with_gravity: Any
-) -> SimpleNamespace:
+    compiler: Compiler, real: Real, spring_acceleration_2d: Callable, sum_accelerations: Callable,
+    with_gravity: Callable,
+) -> SimpleNamespace:  # fmt: skip
     """Make `spring_constants`, `pull_from_below`, `sum_row` from the functions of mass_spring/grid/rows.py."""
     block = block_of(real)
 

@@ -21,7 +21,7 @@ On 100 000 x 3 masses `tiled` took 1.4, on 100 000 x 16 0.6. On the layer `workq
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -30,6 +30,7 @@ from softlab.cpu_backend.core.threads import threading_layer
 from softlab.cpu_backend.mass_spring.grid.tiled import halo, tile_buffer
 from softlab.model.base.errors import SceneError
 from softlab.model.base.memory import readable
+from softlab.model.base.types import Real
 from softlab.model.core.options import unknown_kernel
 from softlab.model.scene.scene import Scene
 
@@ -51,7 +52,7 @@ class Tiling(NamedTuple):
     scratch: int
 
 
-def tiling(real: Any, columns: int, levels: int = LEVELS, tile_bytes: int = TILE_BYTES) -> Tiling:
+def tiling(real: Real, columns: int, levels: int = LEVELS, tile_bytes: int = TILE_BYTES) -> Tiling:
     """Return the sizes of the kernel `tiled` for rows of `columns` masses."""
     block = block_of(real)
     tile = min(tile_bytes // np.dtype(real).itemsize // block, -(-columns // block)) * block
@@ -59,7 +60,7 @@ def tiling(real: Any, columns: int, levels: int = LEVELS, tile_bytes: int = TILE
     return Tiling(levels, tile, halo(levels, real), width, scratch)
 
 
-def choose_kernel(scene: Scene, real: Any, wanted: str | None) -> str:
+def choose_kernel(scene: Scene, real: Real, wanted: str | None) -> str:
     """Return the kernel `wanted`, or the fastest for the scene. Raises SceneError if the one wanted cannot run."""
     if wanted is not None and wanted not in KERNELS:
         raise unknown_kernel(wanted, KERNELS, "on the cpu")
@@ -76,7 +77,7 @@ def choose_kernel(scene: Scene, real: Any, wanted: str | None) -> str:
     return wanted or default_kernel(scene, real)[0]
 
 
-def default_kernel(scene: Scene, real: Any) -> tuple[str, str]:
+def default_kernel(scene: Scene, real: Real) -> tuple[str, str]:
     """Return (kernel, reason) for a scene without a choice."""
     if scene.method.integrator == "rk4":
         return "fused", "the others run one force a step, rk4 has four"

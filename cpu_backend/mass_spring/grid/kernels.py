@@ -8,8 +8,8 @@ memory traffic; mass_spring/grid/rk4.py has the Runge-Kutta method, which has st
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
-from typing import Any
 
 import numpy as np
 
@@ -18,13 +18,14 @@ from softlab.cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE
 from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.mass_spring.grid.row_step import make_row_step, pass_kind
 from softlab.cpu_backend.mass_spring.grid.rows import SUM_ROWS, variant_name
+from softlab.model.base.types import Real
 
 ABOVE_ROWS = 2  # of a walk: pulls along x and y, passed to the next row
 SCRATCH_ROWS = ABOVE_ROWS + SUM_ROWS
 
 
 @cache
-def make_advance(real: Any, math: str, integrator: str, parts: frozenset[str]) -> Any:
+def make_advance(real: Real, math: str, integrator: str, parts: frozenset[str]) -> Callable:
     """Compile the kernel for one-force integrators and velocity Verlet.
 
     advance(bands, passes, states, current, sheet, scratches) does the passes of `passes` over the grid,

@@ -12,8 +12,8 @@ thread does not stall the others, and nothing is lost if a threading layer runs 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
-from typing import Any
 
 import numpy as np
 
@@ -23,12 +23,13 @@ from softlab.cpu_backend.core.progress import SPINS, bide, exchange, load_acquir
 from softlab.cpu_backend.mass_spring.grid.kernels import ABOVE_ROWS, SCRATCH_ROWS
 from softlab.cpu_backend.mass_spring.grid.row_step import make_row_step, pass_kind
 from softlab.cpu_backend.mass_spring.grid.rows import variant_name
+from softlab.model.base.types import Real
 
 TEAM_FLAGS, BORDER, DONE = 3, 1, 2
 TEAM_SCRATCH_ROWS = SCRATCH_ROWS + ABOVE_ROWS  # one more walk: that of the lower border row
 
 
-def make_band_pass(compiler: Compiler, real: Any, integrator: str, parts: frozenset[str]) -> Any:
+def make_band_pass(compiler: Compiler, real: Real, integrator: str, parts: frozenset[str]) -> Callable:
     """Make pass_band(band, bands, k, ...): pass k of a band, with its flags; other arguments as the kernel's."""
     begin_walk, step_row = make_row_step(compiler, real, integrator, parts)
     kind_of, block = compiler.compiled(pass_kind), block_of(real)
@@ -80,7 +81,7 @@ def make_band_pass(compiler: Compiler, real: Any, integrator: str, parts: frozen
 
 
 @cache
-def make_team_advance(real: Any, math: str, integrator: str, parts: frozenset[str]) -> Any:
+def make_team_advance(real: Real, math: str, integrator: str, parts: frozenset[str]) -> Callable:
     """Compile advance(bands, passes, states, current, sheet, scratches, progress), as the kernel `fused`
     (mass_spring/grid/kernels.py).
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
-from typing import Any
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from softlab.cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE
 from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.mass_spring.grid.kernels import ABOVE_ROWS, SCRATCH_ROWS
 from softlab.cpu_backend.mass_spring.grid.rows import CLOSE_X, CLOSE_Y, make_row_forces, variant_name
+from softlab.model.base.types import Real
 from softlab.model.formulas import integrators
 
 BASE, STAGE_1, STAGE_2, TOTAL = 0, 1, 2, 3  # the states; each stage reads one and writes another
@@ -19,7 +20,7 @@ SOURCE = (BASE, STAGE_1, STAGE_2, STAGE_1)
 TARGET = (STAGE_1, STAGE_2, STAGE_1, BASE)
 
 
-def make_rk4_rows(compiler: Compiler, real: Any) -> Any:
+def make_rk4_rows(compiler: Compiler, real: Real) -> Callable:
     """Make update(stage, blocks, base, rate, parameters, total, out): one unknown of a row of masses.
 
     From the sum of stages so far and the derivative `rate` it computes the next stage's value and the new sum; in the
@@ -64,7 +65,7 @@ def make_rk4_rows(compiler: Compiler, real: Any) -> Any:
 
 
 @cache
-def make_advance_rk4(real: Any, math: str, parts: frozenset[str]) -> Any:
+def make_advance_rk4(real: Real, math: str, parts: frozenset[str]) -> Callable:
     """Compile advance(bands, steps, step, states, sheet, scratches).
 
     The flat array `states` has, in this order (core/layout.py): the state, two stages used in turn, the running sum.

@@ -7,14 +7,16 @@ in rows of scratch.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from types import SimpleNamespace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import block_of, row_at
 from softlab.cpu_backend.mass_spring.grid.rows import CLOSE_X, CLOSE_Y, OPEN_X, OPEN_Y, make_row_forces
+from softlab.model.base.types import Real
 from softlab.model.formulas import integrators
 
 OPENING, MIDDLE, CLOSING = 0, 1, 2  # passes of velocity Verlet; one-force integrators use MIDDLE only
@@ -38,7 +40,9 @@ def pass_kind(k, passes):
     return kind
 
 
-def make_finishes(compiler: Compiler, real: Any, integrator: str, has_damping: bool, damped: Any) -> dict[str, Any]:
+def make_finishes(
+    compiler: Compiler, real: Real, integrator: str, has_damping: bool, damped: Callable
+) -> dict[str, Callable]:
     """Make, by a pass's name, finish(p, v, closing, opening, parameters) -> (p', v') of one axis of a mass."""
     compiled = compiler.compiled
     formulas = compiler.formulas(integrators, real, damped=has_damping)
@@ -71,7 +75,7 @@ def make_finishes(compiler: Compiler, real: Any, integrator: str, has_damping: b
     return {"opening": opening_kick, "middle": both_kicks, "closing": closing_kick}
 
 
-def make_row_step(compiler: Compiler, real: Any, integrator: str, parts: frozenset[str]) -> tuple[Any, Any]:
+def make_row_step(compiler: Compiler, real: Real, integrator: str, parts: frozenset[str]) -> tuple[Callable, Callable]:
     """Make (begin_walk, step_row) of a variant; begin_walk: see mass_spring/grid/rows.py.
 
     step_row(kind, step, i, column, blocks, source, here, below, source_plane, target, there, target_plane, above, sums,
@@ -109,7 +113,9 @@ def make_row_step(compiler: Compiler, real: Any, integrator: str, parts: frozens
     return forces.begin_walk, step_row
 
 
-def _make_row_in_one_loop(compiler: Compiler, forces: SimpleNamespace, real: Any, finishes: dict[str, Any]) -> Any:
+def _make_row_in_one_loop(
+    compiler: Compiler, forces: SimpleNamespace, real: Real, finishes: dict[str, Callable]
+) -> Callable:
     block, zero, has_springs, verlet = forces.block, real(0), forces.has_springs, len(finishes) > 1
     spring_acceleration_2d, sum_accelerations, with_gravity = (
         forces.spring_acceleration_2d,
@@ -117,7 +123,7 @@ def _make_row_in_one_loop(compiler: Compiler, forces: SimpleNamespace, real: Any
         forces.with_gravity,
     )
 
-    def make_loop(name: str) -> Any:
+    def make_loop(name: str) -> Callable:
         finish = finishes.get(name, finishes["middle"])
 
         def whole_row(
@@ -175,12 +181,12 @@ def _make_row_in_one_loop(compiler: Compiler, forces: SimpleNamespace, real: Any
     return in_one_loop
 
 
-def make_finish_axis(compiler: Compiler, real: Any, finishes: dict[str, Any]) -> Any:
+def make_finish_axis(compiler: Compiler, real: Real, finishes: dict[str, Callable]) -> Callable:
     """Make finish_axis(kind, blocks, position, velocity, closing, opening, parameters, new_position, new_velocity): it
     integrates one axis of a row from its sums of accelerations by `finishes` (of `make_finishes`)."""
     block, verlet = block_of(real), len(finishes) > 1
 
-    def make_loop(name: str) -> Any:
+    def make_loop(name: str) -> Callable:
         finish = finishes.get(name, finishes["middle"])
 
         def finish_row(blocks, position, velocity, closing, opening, parameters, new_position, new_velocity):
@@ -206,7 +212,9 @@ def make_finish_axis(compiler: Compiler, real: Any, finishes: dict[str, Any]) ->
     return finish_axis
 
 
-def _make_row_through_sums(compiler: Compiler, forces: SimpleNamespace, real: Any, finishes: dict[str, Any]) -> Any:
+def _make_row_through_sums(
+    compiler: Compiler, forces: SimpleNamespace, real: Real, finishes: dict[str, Callable]
+) -> Callable:
     two_sums = forces.two_sums
     sum_row, add_later_parts = forces.sum_row, forces.add_later_parts
     alternating, sum_uneven_row = forces.alternating, forces.sum_uneven_row

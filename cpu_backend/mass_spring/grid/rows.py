@@ -9,7 +9,6 @@ scene lacks leaves no code.
 from __future__ import annotations
 
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
@@ -17,6 +16,7 @@ from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import L_COLUMNS, block_of, row_at
 from softlab.cpu_backend.core.own_forces import make_particle_force_row
 from softlab.cpu_backend.mass_spring.grid.alternating import make_alternating_rows
+from softlab.model.base.types import Real
 from softlab.model.core.own_forces import particle_forces, particle_forces_change
 from softlab.model.formulas import springs
 
@@ -25,13 +25,13 @@ CLOSE_X, CLOSE_Y, OPEN_X, OPEN_Y = range(4)
 SUM_ROWS = 4
 
 
-def variant_name(kernel: str, real: Any, math: str, integrator: str, parts: frozenset[str]) -> str:
+def variant_name(kernel: str, real: Real, math: str, integrator: str, parts: frozenset[str]) -> str:
     """Return a unique name of a kernel's variant, valid as a symbol."""
     words = [kernel, np.dtype(real).name, math, integrator.replace("-", "_"), *sorted(parts)]
     return "_".join(words)
 
 
-def make_row_springs(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
+def make_row_springs(compiler: Compiler, real: Real, parts: frozenset[str]) -> SimpleNamespace:
     """Make springs and gravity of a row: `pull_from_left`, `sum_row` and `begin_walk` (see the inner functions), and
     their components; `sum_uneven_row`: `sum_row` for alternating springs."""
     compiled, block, zero = compiler.compiled, block_of(real), real(0)
@@ -54,8 +54,8 @@ def make_row_springs(compiler: Compiler, real: Any, parts: frozenset[str]) -> Si
 
     @compiler.row
     def pull_from_below(blocks, x, y, x_below, y_below, parameters, out_x, out_y):
-        """Write the pulls on a row's masses from those below; with the opposite sign these are the pulls on the row
-        below."""
+        """Write the spring forces on a row's masses from the row below. The row below gets the same forces with the
+        opposite sign."""
         stiffness, stiffness_rest = parameters.stiffness, parameters.stiffness_rest
         for j in range(blocks * block):
             pull_x, pull_y = spring_acceleration_2d(x_below[j] - x[j], y_below[j] - y[j], stiffness, stiffness_rest)
@@ -127,7 +127,7 @@ def make_row_springs(compiler: Compiler, real: Any, parts: frozenset[str]) -> Si
     )  # fmt: skip
 
 
-def make_later_parts(compiler: Compiler, real: Any, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
+def make_later_parts(compiler: Compiler, real: Real, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
     """Make `add_later_parts` (see the inner function), for the own forces, which are added after springs and gravity,
     row by row.
 
@@ -141,7 +141,7 @@ def make_later_parts(compiler: Compiler, real: Any, integrator: str, parts: froz
 
     @compiled
     def add_later_parts(i, column, blocks, layout, parameters, integers, step, sums, width):
-        """Add own forces to the sums of row `i` from `column` on."""
+        """Add the forces on single particles to the sums of row `i` from `column` on."""
         columns = layout[L_COLUMNS]
         count = min(blocks * block, columns - column)
         close_x, close_y = row_at(sums, CLOSE_X * width), row_at(sums, CLOSE_Y * width)
@@ -158,7 +158,7 @@ def make_later_parts(compiler: Compiler, real: Any, integrator: str, parts: froz
     return SimpleNamespace(two_sums=two_sums, later_parts=has_particle_forces, add_later_parts=add_later_parts)
 
 
-def make_row_edges(compiler: Compiler, real: Any, parts: frozenset[str]) -> SimpleNamespace:
+def make_row_edges(compiler: Compiler, real: Real, parts: frozenset[str]) -> SimpleNamespace:
     """Make `apply_pins` and `place_ghosts`, which complete a written row (see the inner functions)."""
     compiled, block, zero, has_springs = compiler.compiled, block_of(real), real(0), "springs" in parts
 
@@ -192,7 +192,7 @@ def make_row_edges(compiler: Compiler, real: Any, parts: frozenset[str]) -> Simp
     return SimpleNamespace(apply_pins=apply_pins, place_ghosts=place_ghosts)
 
 
-def make_row_forces(compiler: Compiler, real: Any, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
+def make_row_forces(compiler: Compiler, real: Real, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
     """Make the functions of the makers above for a variant's kernels, and flags of its parts."""
     return SimpleNamespace(
         block=block_of(real), has_pins="pins" in parts, has_damping="damping" in parts,

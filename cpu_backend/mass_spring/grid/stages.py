@@ -16,12 +16,13 @@ from numba import prange
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.own_forces import bind_forces
 from softlab.cpu_backend.mass_spring.motion_stages import bind_motion, make_motion_stages
+from softlab.model.base.types import Real
 from softlab.model.core.plan import Moment, StageRun
 from softlab.model.formulas import springs
 
 
 @cache
-def make_stages(real: Any, math: str, integrator: str, alternating: bool = False) -> SimpleNamespace:
+def make_stages(real: Real, math: str, integrator: str, alternating: bool = False) -> SimpleNamespace:
     """Make the stage kernels of an arithmetic and integrator, for equal or alternating springs. Arrays are (rows,
     columns)."""
     compiler = Compiler("_".join(["stage", np.dtype(real).name, math, integrator.replace("-", "_")]), math)

@@ -10,8 +10,8 @@ and are never used.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
-from typing import Any
 
 import numpy as np
 
@@ -21,19 +21,20 @@ from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.mass_spring.grid.kernels import ABOVE_ROWS
 from softlab.cpu_backend.mass_spring.grid.row_step import make_row_step, pass_kind
 from softlab.cpu_backend.mass_spring.grid.rows import SUM_ROWS, variant_name
+from softlab.model.base.types import Real
 
 RING = 2 * PLANES  # rows of a level's ring: two, of four planes
 LEVEL_ROWS = RING + ABOVE_ROWS
 
 
-def halo(levels: int, real: Any) -> int:
+def halo(levels: int, real: Real) -> int:
     """Return the extra columns on each side of a tile: whole blocks, at least one column for each level but the
     last."""
     block = block_of(real)
     return -(-max(levels - 1, 1) // block) * block
 
 
-def tile_buffer(levels: int, tile: int, real: Any) -> tuple[int, int]:
+def tile_buffer(levels: int, tile: int, real: Real) -> tuple[int, int]:
     """Return (width, size): scalars of a row of a tile's buffer, and of the whole buffer, a band's scratch.
 
     A block before the rows and one after them is never computed, but may be read.
@@ -43,7 +44,7 @@ def tile_buffer(levels: int, tile: int, real: Any) -> tuple[int, int]:
 
 
 @cache
-def make_tiled_advance(real: Any, math: str, integrator: str, parts: frozenset[str]) -> Any:
+def make_tiled_advance(real: Real, math: str, integrator: str, parts: frozenset[str]) -> Callable:
     """Compile advance(bands, passes, states, current, sheet, scratches, tiling).
 
     As the kernel `fused` (mass_spring/grid/kernels.py), but the states are swapped only once per `levels` passes.

@@ -15,15 +15,16 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
+from softlab.gpu_backend.core.compile import Kernel, inlined, kernel_options, make_kernel, variant_name
 from softlab.gpu_backend.core.cooperative import Cooperative
-from softlab.gpu_backend.core.device import simulated
+from softlab.gpu_backend.core.device import Arguments, simulated
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.meeting import make_barrier
 from softlab.gpu_backend.core.world import Cell, World
 from softlab.gpu_backend.mass_spring.cloth.implicit_point import Work, make_implicit_point
 from softlab.gpu_backend.mass_spring.cloth.point import make_cloth_forces
 from softlab.model.base.errors import SceneError
+from softlab.model.base.types import Real
 from softlab.model.formulas import implicit
 from softlab.model.formulas.implicit import (
     FINISH,
@@ -56,7 +57,7 @@ TOGETHER = 2  # minimum number of blocks per multiprocessor, which bounds their 
 
 
 @cache
-def make_meetings(real: Any, math: str) -> SimpleNamespace:
+def make_meetings(real: Real, math: str) -> SimpleNamespace:
     """Make the block-wide sums `add_segment(products, sums, g, width, count, parts)`, segment g's sums of the products
     of its masses, and `total(products, sums, count, parts)`, over all segments. `products` (SUMS * TREE,) is shared
     memory."""
@@ -133,7 +134,7 @@ def make_meetings(real: Any, math: str) -> SimpleNamespace:
 
 
 @cache
-def make_cloth_implicit(real: Any, math: str, linear: bool, parts: frozenset[str]) -> Any:
+def make_cloth_implicit(real: Real, math: str, linear: bool, parts: frozenset[str]) -> Kernel:
     """Compile kernel(position, velocity, base, x, u, r, s, q, aq, ar, begin, sums, flags, done, record, matrix, bodies,
     integers, counter, steps, rows, columns): `steps` steps of the state in `position` and `velocity`.
 
@@ -227,7 +228,7 @@ def make_cloth_implicit(real: Any, math: str, linear: bool, parts: frozenset[str
     return make_kernel(implicit_steps, variant, launch_bounds=(SEGMENT, TOGETHER), **kernel_options(math))
 
 
-def implicit_kernel(scene: Scene, real: Any, parts: frozenset[str], asked: str | None) -> str:
+def implicit_kernel(scene: Scene, real: Real, parts: frozenset[str], asked: str | None) -> str:
     """Return the only kernel. Raises SceneError if another one was asked for."""
     if asked not in (None, "cooperative"):
         raise SceneError("--kernel", asked, f"must be cooperative for {scene.method.integrator} on the gpu")
@@ -265,7 +266,7 @@ class ImplicitSteps:
         self._system.copy_to_device(system_record(sim.scene, sim.real), stream=sim.stream)
         sim.synchronize()
 
-    def _arguments(self, steps: int) -> tuple[Any, ...]:
+    def _arguments(self, steps: int) -> Arguments:
         sim = self.simulation
         return (
             sim.position[sim._current], sim.velocity[sim._current], *self._vectors, self._sums, self._steps.flags, self._done,

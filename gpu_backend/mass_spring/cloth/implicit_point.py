@@ -7,6 +7,7 @@ system.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
 from typing import Any, NamedTuple
@@ -19,6 +20,7 @@ from softlab.gpu_backend.core.compile import inlined
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.quads import load_quad, store_quad
 from softlab.gpu_backend.mass_spring.cloth.point import make_cloth_forces, make_cloth_springs
+from softlab.model.base.types import Real
 from softlab.model.formulas import implicit, lengths
 from softlab.model.tables.cloth import SPRING_KINDS
 
@@ -39,7 +41,7 @@ class Work(NamedTuple):
     begin: np.ndarray
 
 
-def _make_vectors(real: Any, math: str) -> SimpleNamespace:
+def _make_vectors(real: Real, math: str) -> SimpleNamespace:
     """Make `added_3`, value + factor other, `dot_3`, and along one axis `applied`, `missing`."""
     formulas, inline = device_formulas(implicit, real, math), inlined(math)
     added, dot = formulas.added, device_formulas(lengths, real, math).dot
@@ -55,7 +57,9 @@ def _make_vectors(real: Any, math: str) -> SimpleNamespace:
     return SimpleNamespace(added_3=added_3, dot_3=dot_3, applied=formulas.applied, missing=formulas.residual)
 
 
-def _make_iteration(real: Any, math: str, springs: frozenset[str], has_pins: bool, vectors: Any) -> tuple[Any, Any]:
+def _make_iteration(
+    real: Real, math: str, springs: frozenset[str], has_pins: bool, vectors: Any
+) -> tuple[Callable, Callable]:
     """Make `product` and `update`, the two passes of an iteration of conjugate gradients."""
     product_sum = make_cloth_springs(real, math, springs, "product")
     applied, added_3, dot_3 = vectors.applied, vectors.added_3, vectors.dot_3
@@ -97,7 +101,7 @@ def _make_iteration(real: Any, math: str, springs: frozenset[str], has_pins: boo
 
 
 @cache
-def make_implicit_point(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+def make_implicit_point(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Make the passes of mass k in row i and column j, by name; `residual` and `product` return summands."""
     springs = frozenset(part for part in parts if part.split("-")[0] in SPRING_KINDS)
     elsewhere, collide = make_cloth_forces(real, math, parts - springs), make_collide(real, math, parts)

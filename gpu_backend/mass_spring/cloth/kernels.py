@@ -7,22 +7,23 @@ With gusts, the air's velocity, which is the same for all masses, is computed by
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
-from typing import Any
 
 import numpy as np
 from numba import cuda
 
-from softlab.gpu_backend.core.compile import kernel_options, make_kernel, variant_name
+from softlab.gpu_backend.core.compile import Kernel, kernel_options, make_kernel, variant_name
 from softlab.gpu_backend.core.quads import load_quad, store_quad
 from softlab.gpu_backend.core.wind import make_block_air
 from softlab.gpu_backend.core.world import Cell, World
 from softlab.gpu_backend.mass_spring.cloth.moves import RK4_OFFSETS, make_cloth_moves, make_cloth_rk4
 from softlab.gpu_backend.mass_spring.cloth.point import make_cloth_forces
+from softlab.model.base.types import Real
 
 
 @cache
-def make_cloth_passes(real: Any, math: str, integrator: str, parts: frozenset[str]) -> dict[str, Any]:
+def make_cloth_passes(real: Real, math: str, integrator: str, parts: frozenset[str]) -> dict[str, Kernel]:
     """Compile the kernels of one-force integrators (`step`) or of velocity Verlet (`opening`, `middle`, `closing`).
 
     Each is kernel(position, velocity, new_position, new_velocity, record, bodies, integers, counter, pass_number, rows,
@@ -32,7 +33,7 @@ def make_cloth_passes(real: Any, math: str, integrator: str, parts: frozenset[st
     current_step, block_air = make_cloth_forces(real, math, parts).current_step, make_block_air(real, math, parts)
     zero = real(0)
 
-    def make_pass(name: str, move: Any) -> Any:
+    def make_pass(name: str, move: Callable) -> Kernel:
         def cloth_pass(
             position, velocity, new_position, new_velocity, record, bodies, integers, counter, pass_number, rows,
             columns,
@@ -61,7 +62,7 @@ def make_cloth_passes(real: Any, math: str, integrator: str, parts: frozenset[st
 
 
 @cache
-def make_cloth_rk4_stages(real: Any, math: str, parts: frozenset[str]) -> list[Any]:
+def make_cloth_rk4_stages(real: Real, math: str, parts: frozenset[str]) -> list[Kernel]:
     """Compile the four stage kernels of RK4.
 
     kernel(position, velocity, base_position, base_velocity, total_position, total_velocity, new_position, new_velocity,
@@ -71,7 +72,7 @@ def make_cloth_rk4_stages(real: Any, math: str, parts: frozenset[str]) -> list[A
     current_step, block_air = make_cloth_forces(real, math, parts).current_step, make_block_air(real, math, parts)
     zero = real(0)
 
-    def make_stage(stage: int) -> Any:
+    def make_stage(stage: int) -> Kernel:
         move = make_cloth_rk4(real, math, parts, stage)
         offset = real(RK4_OFFSETS[stage])
         first, last = stage == 0, stage == 3

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from softlab.gpu_backend.core.device import device_limits
+from softlab.gpu_backend.core.device import Arguments, device_limits
 from softlab.gpu_backend.core.launch import prepare
 from softlab.gpu_backend.core.messages import message_size
 from softlab.gpu_backend.core.tiling import Tile, tile_count
@@ -16,6 +16,7 @@ from softlab.gpu_backend.mass_spring.cloth.tiles import cloth_blocks_together
 from softlab.gpu_backend.mass_spring.cloth.tiling import fields, most_to_fetch, overlap_of, tile_bytes
 from softlab.gpu_backend.mass_spring.passes import TileLaunches
 from softlab.model.base.errors import SceneError
+from softlab.model.base.types import Real
 
 MAX_THREADS = 1024  # per block
 MAX_EACH = 31  # masses that a thread fetches: bits of an integer
@@ -28,7 +29,7 @@ def cloth_blocks(rows: int, columns: int, tile: Tile, parts: frozenset[str]) -> 
 
 
 def why_no_cloth_tile(
-    rows: int, columns: int, real: Any, tile: Tile, parts: frozenset[str], limits: tuple[int, int] | None = None
+    rows: int, columns: int, real: Real, tile: Tile, parts: frozenset[str], limits: tuple[int, int] | None = None
 ) -> str:
     """Return the reason why `resident` cannot run a sheet on this tile on this GPU, or on one of `limits` (see
     `device_limits`), or ""."""
@@ -73,7 +74,7 @@ class ClothTiles(TileLaunches):
         self._failed = cuda.to_device(np.zeros(1, np.int32), stream=simulation.stream)
         prepare(self._kernel, self._arguments(0, 1), shared, cooperative=True)
 
-    def _arguments(self, number: int, passes: int) -> tuple[Any, ...]:
+    def _arguments(self, number: int, passes: int) -> Arguments:
         s = self.simulation
         source, target = s._current, 1 - s._current
         states = (s.position[source], s.velocity[source], s.position[target], s.velocity[target])

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
-from typing import Any
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from softlab.gpu_backend.contact.pins import make_pins
 from softlab.gpu_backend.core.compile import inlined
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.mass_spring.cloth.point import make_cloth_forces
+from softlab.model.base.types import Real
 from softlab.model.core.own_forces import particle_forces_change
 from softlab.model.formulas import integrators
 
@@ -21,7 +22,7 @@ RK4_TOTAL = ("sixth_dt", "third_dt", "third_dt", "sixth_dt")
 
 
 @cache
-def make_cloth_kicks(real: Any, math: str, integrator: str, parts: frozenset[str]) -> dict[str, Any]:
+def make_cloth_kicks(real: Real, math: str, integrator: str, parts: frozenset[str]) -> dict[str, Callable]:
     """Make device functions: `step` of one-force integrators; `opening`, `middle`, `closing` of velocity Verlet.
 
     Each is kick(ax, ay, az, k, p, v, world, step) -> (px, py, pz, vx, vy, vz): of mass k, at p and with velocity v
@@ -111,7 +112,7 @@ def make_cloth_kicks(real: Any, math: str, integrator: str, parts: frozenset[str
 
 
 @cache
-def make_cloth_moves(real: Any, math: str, integrator: str, parts: frozenset[str]) -> dict[str, Any]:
+def make_cloth_moves(real: Real, math: str, integrator: str, parts: frozenset[str]) -> dict[str, Callable]:
     """Make the functions of make_cloth_kicks together with the forces before them.
 
     Each is move(position, velocity, place, k, cell, p, v, world, step, air) -> (px, py, pz, vx, vy, vz): of mass k in
@@ -124,7 +125,7 @@ def make_cloth_moves(real: Any, math: str, integrator: str, parts: frozenset[str
     steady = make_cloth_forces(real, math, parts).steady
     inline = inlined(math)
 
-    def make_move(kick: Any) -> Any:
+    def make_move(kick: Callable) -> Callable:
         @inline
         def move(position, velocity, place, k, cell, p, v, world, step, air):
             parameters = world.parameters
@@ -137,7 +138,7 @@ def make_cloth_moves(real: Any, math: str, integrator: str, parts: frozenset[str
 
 
 @cache
-def make_cloth_rk4(real: Any, math: str, parts: frozenset[str], stage: int) -> Any:
+def make_cloth_rk4(real: Real, math: str, parts: frozenset[str], stage: int) -> Callable:
     """Make one of the four stages of RK4 (0 to 3), a device function.
 
     move(position, velocity, k, cell, now, base, total, world, step, air) -> (p', v', total_p', total_v'), each (x, y,

@@ -9,9 +9,9 @@ instruction.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.integers import knows_time
 from softlab.gpu_backend.core.quads import load_quad
 from softlab.gpu_backend.core.wind import make_wind
+from softlab.model.base.types import Real
 from softlab.model.contact.cloth_parameters import (
     CLOTH_PARAMETERS,
     spring_constants,
@@ -30,7 +31,7 @@ from softlab.model.tables.cloth import SPRING_KINDS
 
 
 @cache
-def _make_paired(math: str) -> Any:
+def _make_paired(math: str) -> Callable:
     @inlined(math)
     def paired(a, b, c, d):
         """Return (a + b) + (c + d), by axis."""
@@ -40,7 +41,7 @@ def _make_paired(math: str) -> Any:
 
 
 @cache
-def make_cloth_springs(real: Any, math: str, parts: frozenset[str], system: str = "") -> Any:
+def make_cloth_springs(real: Real, math: str, parts: frozenset[str], system: str = "") -> Callable:
     """Make spring_sum(position, velocity, place, cell, p, v, parameters): the pulls of all springs over mass [m/s^2].
 
     They act on the mass at index `place` of the flat arrays, at p and with velocity v (quads). `system`: of implicit
@@ -53,7 +54,7 @@ def make_cloth_springs(real: Any, math: str, parts: frozenset[str], system: str 
     has_structural, has_shear, has_bending = "structural" in parts, "shear" in parts, "bending" in parts
     zero, one, two, inline = real(0), np.int32(1), np.int32(2), inlined(math)
 
-    def make_pull(kind: str) -> Any:
+    def make_pull(kind: str) -> Callable:
         k_stiffness, k_rest, k_damping = spring_constants(kind)
         has_damper = system != "" or f"{kind}-damping" in parts
 
@@ -134,7 +135,7 @@ def make_cloth_springs(real: Any, math: str, parts: frozenset[str], system: str 
 
 
 @cache
-def make_accelerations(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+def make_accelerations(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Make `structural`, `shear`, `bending`: pull(q, p, there, values) on the mass p by a spring to q, both (x, y, z,
     vx, vy, vz); none unless `there`. And the sums by axis `paired`, `carried`."""
     formulas = device_formulas(springs, real, math)
@@ -142,7 +143,7 @@ def make_accelerations(real: Any, math: str, parts: frozenset[str]) -> SimpleNam
     inline = inlined(math)
     zero = real(0)
 
-    def make_pull(kind: str) -> Any:
+    def make_pull(kind: str) -> Callable:
         k_stiffness, k_rest, k_damping = (CLOTH_PARAMETERS.index(name) for name in spring_constants(kind))
         has_springs, has_damper = kind in parts, f"{kind}-damping" in parts
 
@@ -171,7 +172,7 @@ def make_accelerations(real: Any, math: str, parts: frozenset[str]) -> SimpleNam
 
 
 @cache
-def make_cloth_forces(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+def make_cloth_forces(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Make the device functions of a variant: `steady`, `add_particle_force`, `damp`, `current_step`.
 
     `steady`: springs, gravity, wind, which the two combined kicks of velocity Verlet share; then `add_particle_force`

@@ -123,7 +123,7 @@ def make_cloth_resident(real: Any, math: str, integrator: str, parts: frozenset[
 
     @inline
     def renew(shared, at, strange, vx, vy, vz):
-        """Load the velocities of masses that others own into registers."""
+        """Load the velocities of masses of other threads into registers."""
         for r in range(strip):
             if strange & np.int32(1 << r):
                 place = np.int32(at + np.int32(r) * pitch)

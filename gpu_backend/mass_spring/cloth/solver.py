@@ -14,7 +14,7 @@ import numpy as np
 from numba import cuda
 
 from softlab.gpu_backend.contact.pins import pin_marks
-from softlab.gpu_backend.core.device import simulated
+from softlab.gpu_backend.core.device import Arguments, simulated
 from softlab.gpu_backend.core.launch import Graphs, prepare
 from softlab.gpu_backend.core.quad_simulation import QuadSimulation
 from softlab.gpu_backend.core.quads import SIZE
@@ -99,7 +99,7 @@ class ClothMassSpring(SheetPasses, QuadSimulation):
 
     # ------------------------------------------------------------------ passes
 
-    def _constants(self, number: int) -> tuple[Any, ...]:
+    def _constants(self, number: int) -> Arguments:
         return (
             self.record, self.bodies, self.integers, self._counter, np.int64(number), *self.shape,
         )  # fmt: skip
@@ -111,7 +111,7 @@ class ClothMassSpring(SheetPasses, QuadSimulation):
             self._pass("opening", number)
             self._pass("closing", number + 1)
 
-    def _block_arguments(self, passes: int) -> tuple[Any, ...]:
+    def _block_arguments(self, passes: int) -> Arguments:
         source, target = self._current, 1 - self._current
         return (
             self.position[source], self.velocity[source], self.position[target], self.velocity[target], self.record,

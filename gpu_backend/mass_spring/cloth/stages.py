@@ -22,12 +22,13 @@ from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
 from softlab.gpu_backend.core.wind import make_block_air
 from softlab.gpu_backend.core.world import Cell, World
 from softlab.gpu_backend.mass_spring.cloth.point import make_cloth_forces
+from softlab.model.base.types import Real
 from softlab.model.core.plan import Moment, StageRun
 from softlab.model.formulas import integrators
 
 
 @cache
-def make_force_stages(real: Any, math: str, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
+def make_force_stages(real: Real, math: str, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
     """Compile the stages that sum the acceleration: springs, wind, damping. core/forces.py has other forces."""
     point = make_cloth_forces(real, math, parts)
     block_air = make_block_air(real, math, parts)
@@ -73,7 +74,7 @@ def make_force_stages(real: Any, math: str, integrator: str, parts: frozenset[st
 
 
 @cache
-def make_motion_stages(real: Any, math: str, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
+def make_motion_stages(real: Real, math: str, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
     """Compile the stages that move masses."""
     formulas = device_formulas(integrators, real, math, damped=True)
     first_half, second_half, rk4_stage = formulas.verlet_first_half, formulas.verlet_second_half, formulas.rk4_stage
@@ -137,7 +138,7 @@ def make_motion_stages(real: Any, math: str, integrator: str, parts: frozenset[s
 
 
 @cache
-def make_bound_stages(real: Any, math: str, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
+def make_bound_stages(real: Real, math: str, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
     """Compile the stages that constrain masses: colliders and pins."""
     collide_point, pin = make_collide(real, math, parts), make_pins(real, math, parts).pin
     zero = real(0)

@@ -12,21 +12,22 @@ the order of launches in the stream. mass_spring/grid/point.py has the computati
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from numba import cuda
 
-from softlab.gpu_backend.core.compile import kernel_options, make_kernel, make_kernels, variant_name
+from softlab.gpu_backend.core.compile import Kernel, kernel_options, make_kernel, make_kernels, variant_name
 from softlab.gpu_backend.core.pairs import load_pair, store_pair
 from softlab.gpu_backend.core.world import Cell
 from softlab.gpu_backend.mass_spring.grid.point import make_moves, make_point_functions
+from softlab.model.base.types import Real
 
 
 @cache
-def make_passes(real: Any, math: str, integrator: str, parts: frozenset[str]) -> dict[str, Any]:
+def make_passes(real: Real, math: str, integrator: str, parts: frozenset[str]) -> dict[str, Kernel]:
     """Compile the kernels of one-force integrators (`step`) or of velocity Verlet (`opening`, `middle`, `closing`).
 
     Each is kernel(position, velocity, new_position, new_velocity, record, integers, counter, pass_number, pinned_row,
@@ -38,7 +39,7 @@ def make_passes(real: Any, math: str, integrator: str, parts: frozenset[str]) ->
     has_pins = "pins" in parts
     zero = real(0)
 
-    def make_pass(name: str, move: Any) -> Any:
+    def make_pass(name: str, move: Callable) -> Kernel:
         def grid_pass(
             position, velocity, new_position, new_velocity, record, integers, counter, pass_number, pinned_row, pinned,
             rows, columns,
@@ -68,7 +69,7 @@ def make_passes(real: Any, math: str, integrator: str, parts: frozenset[str]) ->
 
 
 @cache
-def make_rk4_stages(real: Any, math: str, parts: frozenset[str]) -> list[Any]:
+def make_rk4_stages(real: Real, math: str, parts: frozenset[str]) -> list[Kernel]:
     """Compile the four stage kernels of RK4.
 
     kernel(position, velocity, base_position, base_velocity, total_position, total_velocity, new_position, new_velocity,
@@ -81,7 +82,7 @@ def make_rk4_stages(real: Any, math: str, parts: frozenset[str]) -> list[Any]:
     has_pins = "pins" in parts
     zero = real(0)
 
-    def make_stage(stage: int) -> Any:
+    def make_stage(stage: int) -> Kernel:
         k_derivative = ("half_dt", "half_dt", "dt", "dt")[stage]
         k_total = ("sixth_dt", "third_dt", "third_dt", "sixth_dt")[stage]
         first, last = stage == 0, stage == 3
@@ -129,7 +130,7 @@ def make_rk4_stages(real: Any, math: str, parts: frozenset[str]) -> list[Any]:
 
 
 @cache
-def make_tools(real: Any) -> SimpleNamespace:
+def make_tools(real: Real) -> SimpleNamespace:
     """Compile small kernels around the passes: count steps, find bad masses, write positions for drawing."""
 
     def count(counter, steps):

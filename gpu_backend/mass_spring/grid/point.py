@@ -8,6 +8,7 @@ constants, an absent part leaves no instruction.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
 from typing import Any
@@ -19,11 +20,12 @@ from softlab.gpu_backend.core.compile import kernel_options
 from softlab.gpu_backend.core.forces import make_particle_force
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.pairs import load_pair
+from softlab.model.base.types import Real
 from softlab.model.core.own_forces import particle_forces_change
 from softlab.model.formulas import integrators, springs
 
 
-def _make_spring_sum(real: Any, device: Any, spring_acceleration_2d: Any, parts: frozenset[str]) -> Any:
+def _make_spring_sum(real: Real, device: Any, spring_acceleration_2d: Callable, parts: frozenset[str]) -> Callable:
     """Make spring_sum(position, k, cell, parameters)."""
     has_springs, zero, one = "springs" in parts, real(0), np.int32(1)
 
@@ -75,7 +77,7 @@ def _make_spring_sum(real: Any, device: Any, spring_acceleration_2d: Any, parts:
 
 
 @cache
-def make_point_functions(real: Any, math: str, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
+def make_point_functions(real: Real, math: str, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
     """Make the device functions of a variant: `spring_sum`, `add_forces`, `damp`, and the integrator's formulas."""
     device = cuda.jit(device=True, **kernel_options(math))
     pulls = device_formulas(springs, real, math)
@@ -120,7 +122,7 @@ def make_point_functions(real: Any, math: str, integrator: str, parts: frozenset
 
 
 @cache
-def make_moves(real: Any, math: str, integrator: str, parts: frozenset[str]) -> dict[str, Any]:
+def make_moves(real: Real, math: str, integrator: str, parts: frozenset[str]) -> dict[str, Callable]:
     """Make the motion of one mass in a pass: `step` of one-force integrators; `opening`, `middle`, `closing` of
     velocity Verlet.
 

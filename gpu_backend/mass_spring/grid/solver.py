@@ -8,11 +8,10 @@ the chip) and `one-block` (a small grid in one block); mass_spring/grid/choice.p
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numba import cuda
 
+from softlab.gpu_backend.core.device import Arguments, DeviceArray
 from softlab.gpu_backend.core.launch import Graphs, can_capture
 from softlab.gpu_backend.core.sheet import BLOCK
 from softlab.gpu_backend.mass_spring.grid.choice import best_tile, default_kernel, named_tile
@@ -71,7 +70,7 @@ class MassSpring(SheetPasses):
                     "--kernel", self.kernel, f"{rows} x {columns} masses do not fit on this GPU; use tiles or graph"
                 )
 
-    def new_array(self) -> Any:
+    def new_array(self) -> DeviceArray:
         """Return a complex (particles,) device array of zeros."""
         return self.zeros(self.particle_count, self._pair)
 
@@ -123,7 +122,7 @@ class MassSpring(SheetPasses):
 
     # ------------------------------------------------------------------ passes
 
-    def _constants(self, number: int) -> tuple[Any, ...]:
+    def _constants(self, number: int) -> Arguments:
         return (
             self.record, self.integers, self._counter, np.int64(number), self._pinned_row, self.pinned, *self.shape,
         )  # fmt: skip
@@ -135,7 +134,7 @@ class MassSpring(SheetPasses):
 
     # ------------------------------------------------------------------ the contract
 
-    def _to_host(self, array: Any) -> np.ndarray:
+    def _to_host(self, array: DeviceArray) -> np.ndarray:
         host = array.copy_to_host(stream=self.stream)
         self.synchronize()
         return host.view(self.real).reshape(-1, 2)

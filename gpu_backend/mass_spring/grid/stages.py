@@ -5,6 +5,7 @@ Each stage has separate input and output arrays: slow, but easy to read, to time
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
 from typing import Any
@@ -12,10 +13,11 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from softlab.gpu_backend.core.compile import kernel_options, make_kernel, make_kernels, variant_name
+from softlab.gpu_backend.core.compile import Kernel, kernel_options, make_kernel, make_kernels, variant_name
 from softlab.gpu_backend.core.forces import make_particle_force
 from softlab.gpu_backend.core.world import Cell
 from softlab.gpu_backend.mass_spring.grid.point import make_point_functions
+from softlab.model.base.types import Real
 from softlab.model.core.own_forces import WINDOW, particle_forces
 from softlab.model.core.plan import Moment, StageRun
 
@@ -23,7 +25,7 @@ STAGE_PARTS = frozenset({"springs", "gravity", "damping"})
 
 
 @cache
-def make_force_stages(real: Any, math: str, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
+def make_force_stages(real: Real, math: str, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
     """Compile the stages that sum the acceleration. State and acceleration are complex (particles,)."""
     point = make_point_functions(real, math, integrator, parts | STAGE_PARTS)
     spring_sum, damped = point.spring_sum, point.damped
@@ -49,7 +51,7 @@ def make_force_stages(real: Any, math: str, integrator: str, parts: frozenset[st
         if k < a.shape[0]:
             a[k] = pair(complex(a[k].real, a[k].imag + parameters.gravity))
 
-    def stage_of(particle_force: Any) -> Any:
+    def stage_of(particle_force: Callable) -> Kernel:
         def force(record, integers, step, a):
             k = np.int32(cuda.grid(1))
             if k < a.shape[0]:
@@ -77,7 +79,7 @@ def make_force_stages(real: Any, math: str, integrator: str, parts: frozenset[st
 
 
 @cache
-def make_motion_stages(real: Any, math: str, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
+def make_motion_stages(real: Real, math: str, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
     """Compile the stages that move masses."""
     formulas = make_point_functions(real, math, integrator, parts | STAGE_PARTS).formulas
     first_half, second_half, rk4_stage = formulas.verlet_first_half, formulas.verlet_second_half, formulas.rk4_stage

@@ -81,7 +81,7 @@ class Partitions:
 
     @cached_property
     def order(self) -> np.ndarray:
-        """All particles, in the order in which parts own them, (particles,) int64."""
+        """Particles sorted by the part that owns them, (particles,) int64."""
         return np.concatenate([part.owned for part in self.parts])
 
     @cached_property

@@ -118,7 +118,7 @@ def beyond_numbers(at: Situation) -> Diagnosis | None:
     """Diagnose a squared frequency of a spring, stiffness over mass, that overflows: every integrator's limit is 0."""
     if at.limit > 0 or at.scene.method.position_based or at.other[1] > 0:
         return None
-    sheet = at.scene.name_of("grid", "cloth", default="grid")
+    sheet = at.scene.name_of("grid", "cloth") or "grid"
     return Diagnosis(
         f"stiffness over mass is beyond the numbers of a computer here, so that no step size holds; {sheet}.mass is "
         f"{at.scene.grid.mass:g} kg",

@@ -80,7 +80,7 @@ def _spin_note(scene: Scene) -> str:
 
 
 def _creep_note(scene: Scene) -> str:
-    """Return the note on tetrahedra that friction holds by a dashpot."""
+    """Return the note on the creep of tetrahedra under friction, which acts like a dashpot."""
     pulled = scene.gravity is not None and scene.gravity.enabled
     if not pulled or not any(one.dynamic_friction > 0 for _, one in scene.colliders):
         return ""

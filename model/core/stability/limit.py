@@ -227,7 +227,7 @@ def _free_bound(scene: Scene) -> float:
     if springs.alternate:
         most = [0.0, 0.0, springs.stiffness, springs.stiffness + springs.largest_stiffness]
         return sqrt(2 * sum(most[min(count, 3)] for count in (grid.rows, grid.columns)) / mass)
-    free_grid = grid_eigenvalue(grid.model_copy(update={"pinned": "none"}), shaped=False)
+    free_grid = grid_eigenvalue(scene.sheet.model_copy(update={"pinned": "none"}), shaped=False)
     assert free_grid is not None
     return sqrt(springs.stiffness / mass * free_grid[0])
 
@@ -244,7 +244,7 @@ def scene_frequency(scene: Scene, shaped: bool = True) -> Frequency:
     if not (scene.springs or scene.cloth_springs):
         return Frequency(0.0, 0.0, "closed form", mode=np.zeros(grid.particle_count) if shaped else None)
     even = scene.springs and not scene.springs.alternate and not scene.loads
-    closed = grid_eigenvalue(grid, shaped) if even else None
+    closed = grid_eigenvalue(scene.sheet, shaped) if even else None
     if scene.springs and closed is not None:
         w = sqrt(scene.springs.stiffness / grid.mass * closed[0])
         return Frequency(w, w, "closed form", mode=closed[1])

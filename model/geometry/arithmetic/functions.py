@@ -75,7 +75,7 @@ def _sine_near(x: np.ndarray, tail: np.ndarray) -> np.ndarray:
 
 
 def _cosine_near(x: np.ndarray, tail: np.ndarray) -> np.ndarray:
-    """Likewise."""
+    """Return the cosine of x + tail in [-pi / 4, pi / 4]."""
     z = x * x
     half = 0.5 * z
     rest = z * _polynomial(COSINE, z)
@@ -84,7 +84,8 @@ def _cosine_near(x: np.ndarray, tail: np.ndarray) -> np.ndarray:
 
 
 def _each(values: Any, function: Callable[[Decimal], Decimal], special: Callable[[float], float]) -> Any:
-    """`function` of each different value of an array or a number, with DIGITS; `special`: of those that are not finite."""
+    """Return `function`, with DIGITS digits, of each value of an array or a number; `special` of values that are not
+    finite. Equal values are computed once."""
     array = np.asarray(values, dtype=np.float64)
     different, place = np.unique(array, return_inverse=True)
     computed = np.empty(len(different))

@@ -28,7 +28,8 @@ class Elements:
     tetrahedra: np.ndarray = field(default_factory=lambda: _none(4))
 
     def places(self, named: np.ndarray, what: str) -> np.ndarray:
-        """Return the places of the vertices that `named` names. Raises InputError: no such vertex, a name given twice."""
+        """Return the indices of the vertices with the numbers `named`. Raises InputError for an unknown number and for
+        a number that occurs twice."""
         order = np.argsort(self.name, kind="stable")
         ordered = self.name[order]
         twice = ordered[:-1][np.diff(ordered) == 0]

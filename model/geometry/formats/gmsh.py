@@ -51,7 +51,7 @@ def _after(data: bytes, name: bytes) -> int:
 
 
 def _sorted(name: np.ndarray, position: np.ndarray, blocks: list[tuple[int, np.ndarray]]) -> Elements:
-    """`blocks`: (type, nodes (n, k)) of elements."""
+    """Sort the elements in `blocks` of (type, nodes (n, k)) by type."""
     taken = []
     for kinds, corners in ((TRIANGLES, 3), (QUADS, 4), (TETRAHEDRA, 4)):
         rows = [nodes[:, :corners] for kind, nodes in blocks if kind in kinds]
@@ -159,7 +159,7 @@ class _Binary:
         return int(word)
 
     def old(self, nodes: int, elements: int) -> Elements:
-        """Version 2.2."""
+        """Read version 2.2."""
         self.at = nodes
         count = self.line()
         rows = self.take("i1", 28 * count).view(np.dtype([("name", self.order + "i4"), ("x", self.order + "f8", 3)]))
@@ -176,7 +176,7 @@ class _Binary:
         return _sorted(rows["name"].astype(np.int64), rows["x"].astype(np.float64), blocks)
 
     def modern(self, nodes: int, elements: int) -> Elements:
-        """Version 4.1."""
+        """Read version 4.1."""
         self.at = nodes
         names, places = [np.zeros(0, np.int64)], [np.zeros((0, 3))]
         for _ in range(self.whole("u8", 4)[0]):

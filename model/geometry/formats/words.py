@@ -43,7 +43,7 @@ class Words:
             raise InputError(f"among its {what}, {error.message}; export it again") from None
 
     def upto(self, word: str) -> bool:
-        """Go behind the next `word`; return whether there is one."""
+        """Advance past the next `word`. Returns False if there is none."""
         try:
             self.at = self.words.index(word, self.at) + 1
         except ValueError:

@@ -77,7 +77,7 @@ def _compose(value: np.ndarray, depth: float) -> None:
 
 
 def _corner(array: np.ndarray, corner: tuple[int, ...]) -> np.ndarray:
-    """That corner of every cell."""
+    """Return the values at one corner of every cell."""
     return array[tuple(slice(k, k + n - 1) for k, n in zip(corner, array.shape, strict=True))]
 
 

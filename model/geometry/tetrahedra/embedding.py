@@ -51,9 +51,8 @@ def weights_of(points: np.ndarray, position: np.ndarray, tetrahedra: np.ndarray)
 
 
 def carriers(mesh: TetrahedralMesh, points: np.ndarray) -> Embedding:
-    """Return the embedding of `points` (n, 3) [m]: each in the tetrahedron that it lies in, or is least outside of, of those
-    whose middles are nearest.
-    """
+    """Return the embedding of `points` (n, 3) [m]: each point is carried by the tetrahedron that contains it, or else
+    by the one of the nearest few that it is least outside of."""
     from scipy.spatial import cKDTree
 
     count = min(NEAREST, len(mesh.tetrahedra))

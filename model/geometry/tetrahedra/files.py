@@ -58,7 +58,7 @@ def files_of(path: Path) -> tuple[Path, ...]:
 
 
 def write_arrays(path: Path, arrays: dict[str, np.ndarray]) -> None:
-    """The arrays by name into `path`, an .npz file, written whole or not at all. Raises InputError."""
+    """Write the arrays by name into `path`, an .npz file, completely or not at all. Raises InputError."""
     with replacing(path) as temporary, open(temporary, "wb") as opened:
         np.savez(opened, **arrays)  # type: ignore[arg-type]
 

@@ -47,7 +47,7 @@ def fractions_of(
 
 
 def _sampled(pieces: Pieces, parity: np.ndarray, shape_functions: np.ndarray) -> np.ndarray:
-    """Return (pieces, tetrahedra, 4): of each piece by itself."""
+    """Return the integrals of each piece, (pieces, tetrahedra, 4), by sampling."""
     count = len(pieces.voxel)
     integrals = np.zeros((count, *shape_functions.shape[1:3]))
     weight = np.zeros(count)

@@ -82,11 +82,7 @@ class Report:
 
     def brief(self, mass: float) -> list[str]:
         """Return the lines that a run prints of a body that weighs `mass` [kg], materials of regions included."""
-        return [
-            f"{self._built()}; {mass:.6g} kg, {self._volume()}",
-            self._moments_line(mass / self.volume),
-            *self.told,
-        ]
+        return [f"{self._built()}; {mass:.6g} kg, {self._volume()}", self._moments_line(mass / self.volume), *self.told]
 
     def _built(self) -> str:
         voxels = ""
@@ -175,7 +171,7 @@ def _many(count: int, one: str, many: str = "") -> str:
 
 
 def _size(edges: tuple[float, ...]) -> str:
-    """`0.1 m`, or `0.1 x 0.05 x 0.05 m` of voxels that are no cubes."""
+    """Return the size of voxels in words: `0.1 m`, or `0.1 x 0.05 x 0.05 m` if they are not cubes."""
     sides = [f"{edge:.4g}" for edge in edges]
     return f"{sides[0] if len(set(sides)) == 1 else ' x '.join(sides)} m"
 

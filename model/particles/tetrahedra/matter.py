@@ -1,4 +1,5 @@
-"""Material values of each tetrahedron of a body: the body's own, or those of a table of kind material where it lies."""
+"""Material values of each tetrahedron of a body: those of its region where a table of kind material names that region,
+otherwise those of the body's table."""
 
 from __future__ import annotations
 

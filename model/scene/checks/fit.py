@@ -8,7 +8,6 @@ from softlab.model.scene.checks.fluids import check_among_solids, check_fluids
 from softlab.model.scene.checks.solver import OF_MESHES
 from softlab.model.scene.checks.tetrahedra import check_tetrahedra
 from softlab.model.scene.members import members_of
-from softlab.model.scene.resting import take_resting_defaults
 from softlab.model.scene.scene_parts import SceneParts
 from softlab.model.tables.bodies import BODY_KINDS
 from softlab.model.tables.cloth import CLOTH_KINDS, COLLIDER_KINDS, SPRING_KINDS
@@ -26,6 +25,12 @@ OF_BODIES = (*BODY_KINDS, "contact", "damping", "gravity", "method", *COLLIDER_K
 def check_fit(scene: SceneParts) -> None:
     """Raise SceneError for a part that the scene's kind of particles does not support."""
     CHECKS[scene.content](scene)
+
+
+def check_members(scene: SceneParts) -> None:
+    """Build the members of a world, which checks each as a scene of its own. Raises SceneError."""
+    if "fluid" in scene.members:
+        check_among_solids(scene.members["fluid"])
 
 
 def _check_sheet(scene: SceneParts) -> None:
@@ -60,10 +65,6 @@ def _check_world(scene: SceneParts) -> None:
                 f"{name}.spare", part.spare, "spare copies are supported in scenes of bodies only; leave it out"
             )
     scene.refuse(("emitter", "sink"), "is not supported together with bodies; leave it out")
-    take_resting_defaults(scene)
-    members = scene.members  # built here, so that each is checked as a scene of its own
-    if "fluid" in members:
-        check_among_solids(members["fluid"])
 
 
 def _check_fluids(scene: SceneParts) -> None:

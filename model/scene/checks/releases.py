@@ -27,8 +27,8 @@ def check_releases(scene: SceneParts) -> None:
 
 
 def tables_without(scene: SceneParts, names: Iterable[str]) -> dict[str, Table]:
-    """Return the scene's tables, without releases, once those of these `names` are over. Raises SceneError for one that lets
-    go of nothing."""
+    """Return the scene's tables after the releases `names` have happened, without tables of releases. Raises SceneError
+    for a release that unpins nothing."""
     tables = scene.as_dict()
     for name in names:
         _let_go(scene, tables, name)
@@ -36,8 +36,8 @@ def tables_without(scene: SceneParts, names: Iterable[str]) -> dict[str, Table]:
 
 
 def _let_go(scene: SceneParts, tables: dict[str, Table], name: str) -> None:
-    """Take the pins of the release `name` out of the `tables`."""
-    release: Release = scene.parts[name]  # type: ignore[assignment]
+    """Remove the pins of the release `name` from the `tables`."""
+    release: Release = scene.all_of(RELEASE)[name]
     holders = scene.all_of(*SHEETS, *TETRAHEDRAL_KINDS)
     if release.body not in (None, *holders):
         known = f"must be one of {', '.join(holders)}{suggestion(str(release.body), holders)}"
@@ -88,7 +88,7 @@ def _is_of_a_sheet(pins: Any) -> bool:
 
 
 def _listed(masses: np.ndarray, columns: int) -> Any:
-    """These masses as a sheet's `pinned`."""
+    """Return masses in the form of a sheet's `pinned`."""
     return [list(divmod(int(one), columns)) for one in masses] or "none"
 
 
@@ -133,7 +133,8 @@ def _end_motions(scene: SceneParts, tables: dict[str, Table], release: Release) 
 
 
 def _words(tables: dict[str, Table], scene: SceneParts, body: str) -> list[str]:
-    """Words that still pin vertices of a body: of its `pinned`, of attachments, and `its pins` of a cloth."""
+    """Return the words that still pin vertices of a body: those of its `pinned`, of attachments, and `its pins` of a
+    cloth."""
     pinned = tables[body]["pinned"] if body in tables else []
     words = [] if pinned in ("none", []) else ["its pins"] if isinstance(pinned, str) else [str(one) for one in pinned]
     attached = [

@@ -73,7 +73,7 @@ def _check_matching(scene: SceneParts) -> None:
             "method.solver", scene.method.solver, "applies to a grid; a cloth takes mass-spring, xpbd or pbd"
         )
     scene.refuse(KINDS.keys() - MATCHED, "is not supported by the solver shape-matching; leave it out")
-    springs, name = scene.springs, scene.name_of("springs", default="springs")
+    springs, name = scene.springs, scene.name_of("springs") or "springs"
     if springs is None:
         raise SceneError(
             name, None, "must be there for the solver shape-matching: its clusters are as stiff as they are"
@@ -108,7 +108,7 @@ def _check_mesh(scene: SceneParts) -> None:
 
 def _bending(scene: SceneParts) -> tuple[str, str]:
     """Return (name, model) of the bending of a cloth."""
-    name = scene.name_of("bending", default="bending")
+    name = scene.name_of("bending") or "bending"
     return name, scene.value(f"{name}.model", "distance")
 
 
@@ -122,7 +122,7 @@ def _check_bending(scene: SceneParts) -> None:
 
 
 def _check_self_collision(scene: SceneParts) -> None:
-    """Raise SceneError where the sheet cannot keep the thickness."""
+    """Raise SceneError if the thickness of self-collision exceeds the spacing of the sheet."""
     part = scene.self_collision
     if part is not None and part.thickness > scene.grid.spacing:
         raise SceneError(

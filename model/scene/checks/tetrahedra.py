@@ -80,7 +80,7 @@ def unsteady(scene: SceneParts) -> list[str]:
 
 def _check_surfaces(scene: SceneParts) -> None:
     """Raise SceneError for contacts that surfaces of tetrahedral bodies, or their solver, do not support."""
-    part, name = scene.contact, scene.name_of("contact", default="contact")
+    part, name = scene.contact, scene.name_of("contact") or "contact"
     if part is None:
         for body, of_body in scene.tetrahedra.items():
             if of_body.self_collision:

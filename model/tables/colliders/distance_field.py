@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from pydantic import model_validator
 
 from softlab.model.base.errors import InputError, SceneError
 from softlab.model.base.table import Flag, Positive
+from softlab.model.base.types import Real
 from softlab.model.formulas.distance_field import HEADER
 from softlab.model.geometry.mesh import read_mesh
 from softlab.model.geometry.signed_distance import sampled
@@ -111,7 +111,7 @@ class DistanceField(SurfaceCollider):
         distance, overlaps = sampled(self.position, self.triangles, low, points, spacing)
         return Field(distance, low, spacing, margin, overlaps)
 
-    def numbers(self, real: Any) -> np.ndarray:
+    def numbers(self, real: Real) -> np.ndarray:
         """Return the numbers of the field, see model/formulas/distance_field.py."""
         field = self.field
         header = [*np.array(field.distance.shape) - 1, *field.low, 1 / field.spacing, field.margin]

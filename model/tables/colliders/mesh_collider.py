@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from softlab.model.base.errors import InputError
+from softlab.model.base.types import Real
 from softlab.model.formulas.triangle_tree import CORNERS, NODE
 from softlab.model.geometry.measures import triangle_areas
 from softlab.model.geometry.mending.welding import without_flat
@@ -56,7 +57,7 @@ class MeshCollider(SurfaceCollider):
         """`numbers` in float64. Raises InputError."""
         return self.numbers(np.float64)
 
-    def numbers(self, real: Any) -> np.ndarray:
+    def numbers(self, real: Real) -> np.ndarray:
         """Return the numbers of the tree, see model/geometry/triangle_tree.py."""
         return tree_numbers(self.corners, real)
 

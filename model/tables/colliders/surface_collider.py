@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cached_property
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from softlab.model.base.errors import SceneError
 from softlab.model.base.table import ZERO, Positive, Vector
+from softlab.model.base.types import Real
 from softlab.model.geometry.arithmetic.ordered import applied, norm
 from softlab.model.geometry.measures import rotation_matrix
 from softlab.model.tables.cloth import Collider
@@ -31,7 +32,7 @@ class SurfaceCollider(MeshSource, Collider):
         InputError."""
         raise NotImplementedError
 
-    def numbers(self, real: Any) -> np.ndarray:
+    def numbers(self, real: Real) -> np.ndarray:
         """Return the numbers that kernels read, in the arithmetic `real`. Raises SceneError, InputError."""
         raise NotImplementedError
 

@@ -9,7 +9,7 @@ from softlab.app.window.panel.sections.frame import PanelFrame
 
 
 def files(frame: PanelFrame) -> None:
-    """Lay out what saves and what loads."""
+    """Lay out the buttons that save and load."""
     viewer, rows, state, demo = frame.viewer, frame.rows, frame.state, frame.demo
     clip = "Stop recording" if viewer.shots.recording else "Record a clip"
     pressed = rows.buttons(("Picture", clip), clip if viewer.shots.recording else "")

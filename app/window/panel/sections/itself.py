@@ -7,7 +7,7 @@ from softlab.app.window.panel.style import DARK, LIGHT, SIZES
 
 
 def itself(frame: PanelFrame) -> None:
-    """Lay out light or dark, and the size."""
+    """Lay out the panel's own settings: theme and size."""
     rows, style = frame.rows, frame.style
     pressed = rows.buttons(("Light", "Dark"), "Dark" if style.dark else "Light")
     if pressed:

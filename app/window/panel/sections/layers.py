@@ -27,7 +27,7 @@ def _fluid(frame: PanelFrame) -> None:
 
 
 def layers(frame: PanelFrame) -> None:
-    """Lay out boxes for layers, and colours."""
+    """Lay out the check boxes of layers, and the choice of colours."""
     viewer, rows, view_options = frame.viewer, frame.rows, frame.viewer.view_options
     first, scene = viewer.views[0], frame.demo.world.scene
     if first.subject == "fluid":

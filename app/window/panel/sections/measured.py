@@ -34,7 +34,7 @@ def measured(frame: PanelFrame) -> None:
 
 
 def _error(frame: PanelFrame) -> None:
-    """The distance to a converged reference, when the button is pressed: it takes up to seconds."""
+    """Lay out the distance to a converged reference, computed when the button is pressed; it takes up to seconds."""
     rows, state = frame.rows, frame.state
     rows.gap(2)
     if rows.button(BUTTON, -1.0):
@@ -45,7 +45,7 @@ def _error(frame: PanelFrame) -> None:
 
 
 def error_text(frame: PanelFrame) -> str:
-    """The error in words, or the reason why there is none."""
+    """Return the error in words, or the reason why there is none."""
     demo, judge = frame.demo, frame.viewer.judge
     when = f"at {demo.world.time:.3f} s"
     if judge is None:

@@ -1,4 +1,4 @@
-"""The head of the panel: which scene, when, whether it goes, how fast."""
+"""The head of the panel: scene, time, whether it runs, and its speed."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ def _loaded(frame: PanelFrame, name: str) -> Scene | None:
 
 
 def _beside(frame: PanelFrame) -> list[Entry]:
-    """The scenes that can be shown beside the current ones."""
+    """Return the scenes that can be shown beside the current ones."""
     kind = view_kind(frame.demo.world.scene)
     return [entry for entry in scene_entries() if entry.kind == kind]
 
