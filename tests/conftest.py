@@ -211,7 +211,12 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 def new_pairs(items: list[pytest.Item], default: set[pytest.Item]) -> set[pytest.Item]:
     """Of the tests that do not run by default those without parameters, those of a real GPU, and the variants that show a
-    pair of values (by their places in the lists that the parameters are taken from) which no default variant shows."""
+    pair of values which no default variant shows."""
+
+    def case(item: Any) -> dict[str, Any]:
+        values = item.callspec.params.items()
+        return {name: value if isinstance(value, str | int | float) else id(value) for name, value in values}
+
     result = set(items) - default
     variants: dict[Any, list[Any]] = {}
     for item in items:
@@ -219,8 +224,8 @@ def new_pairs(items: list[pytest.Item], default: set[pytest.Item]) -> set[pytest
             variants.setdefault((item.path, item.originalname), []).append(item)  # type: ignore[attr-defined]
     for same in variants.values():
         late = [item for item in same if item not in default]
-        known = [item.callspec.indices for item in same if item in default]
-        chosen = covering([item.callspec.indices for item in late], 2, known)
+        known = [case(item) for item in same if item in default]
+        chosen = covering([case(item) for item in late], 2, known)
         result -= set(late) - {late[place] for place in chosen}
     return result
 
