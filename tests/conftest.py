@@ -176,7 +176,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """The dearest first. Without --thorough leave out what ONLY_THOROUGH and OVER_A_SECOND list, windows, and what THINNED
     does not need, but nothing that is for a real GPU. With it the variants that THINNED does not need, and OVER_A_SECOND's
-    that are not COMPILED, run as plain Python."""
+    that are not COMPILED, run as plain Python. --rest runs as many of what is left out as together with what is not show
+    every pair of values of a test's parameters."""
     rest = config.getoption("--rest")
     thorough = config.getoption("--thorough") or rest
     # the simulator's grids are so small that the CPU's kernels take longer to compile than to run as Python
@@ -202,9 +203,31 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     for item in left_out | {item for item in slow if not listed(COMPILED, item)} if thorough else ():
         item.stash[in_plain_python] = True
     if rest or not thorough:
-        wanted = left_out | dear | slow if rest else set(items) - left_out - dear - slow
+        default = set(items) - left_out - dear - slow
+        wanted = new_pairs(items, default) if rest else default
         config.hook.pytest_deselected(items=[item for item in items if item not in wanted])
         items[:] = [item for item in items if item in wanted]
+
+
+def new_pairs(items: list[pytest.Item], default: set[pytest.Item]) -> set[pytest.Item]:
+    """Of the tests that do not run by default those without parameters, those of a real GPU, and the variants that show a
+    pair of values which no default variant shows."""
+
+    def case(item: Any) -> dict[str, Any]:
+        values = item.callspec.params.items()
+        return {name: value if isinstance(value, str | int | float) else id(value) for name, value in values}
+
+    result = set(items) - default
+    variants: dict[Any, list[Any]] = {}
+    for item in items:
+        if hasattr(item, "callspec") and item.get_closest_marker("gpu") is None:
+            variants.setdefault((item.path, item.originalname), []).append(item)  # type: ignore[attr-defined]
+    for same in variants.values():
+        late = [item for item in same if item not in default]
+        known = [case(item) for item in same if item in default]
+        chosen = covering([case(item) for item in late], 2, known)
+        result -= set(late) - {late[place] for place in chosen}
+    return result
 
 
 @pytest.hookimpl(tryfirst=True)  # before pytest-xdist looks at its options

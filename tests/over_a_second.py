@@ -151,7 +151,7 @@ test_rotation.py test_it_is_the_rotation_of_the_singular_value_decomposition?ran
     test_it_is_the_rotation_of_the_singular_value_decomposition?rigid-*
     test_it_is_the_rotation_of_the_singular_value_decomposition?by?name-f*
     test_it_is_the_rotation_of_the_singular_value_decomposition?mirrored-*
-test_same_machine.py test_the_whole_catalogue* test_some_scenes*
+test_same_machine.py test_the_whole_catalogue*
 test_shapes.py test_every_shape_is_a_body?octopus-coarsest? test_every_shape_is_a_body?creature-40?
     test_every_shape_is_a_body?creature-47? test_every_shape_is_a_body?creature-coarsest?
 test_shared_fluid.py test_a_fluid_has_the_bits_of_one?float64?

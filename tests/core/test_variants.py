@@ -36,3 +36,13 @@ def test_of_any_cases_nothing_is_left_out_and_nothing_chosen_for_nothing(cases, 
 def test_values_that_come_alone_do_not_bring_the_others_again():
     assert covering([{"a": 1, "b": 1}, {"a": 1, "b": 2}, {"a": 2, "b": 3}, {"a": 2, "b": 2}]) == [0, 1, 2]
     assert covering([{"a": 1}]) == [0] and covering([]) == []
+
+
+def test_what_others_show_is_not_shown_again():
+    """Every pair is shown, by the known cases or by the chosen ones; none of these shows only known pairs."""
+    known = ALL[::5]
+    chosen = covering(ALL, 2, known)
+    pairs = [shown(ALL[k], 2) for k in chosen]
+    assert set().union(*pairs, *(shown(case, 2) for case in known)) == set().union(*(shown(case, 2) for case in ALL))
+    assert all(new - set().union(*(shown(case, 2) for case in known)) for new in pairs)
+    assert covering(ALL, 2, ALL) == []

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -90,6 +91,13 @@ def stirred(row: Row, scene: Scene | None = None, speed: float = 0.5, stretch: f
         about = begin.position - begin.position.mean(axis=0)
         moving = np.cross([1.0, 2.0, -0.5], about) + speed
     return start(scene or row.bare, rounded(begin.position + away), rounded(moving))
+
+
+@cache
+def stirred_run(lab: Lab, row: Row, steps: int) -> tuple[State, State]:
+    """The stirred start and the state after so many steps, which many cases compare theirs with."""
+    begin = stirred(row)
+    return begin, lab.run(row.bare, steps, begin)
 
 
 def masses(state: State) -> np.ndarray:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from lab import Lab, farthest, rounded, start, stirred
+from lab import Lab, farthest, rounded, start, stirred_run
 from law import limit_of, of
 from rows import Row
 from units import in_units
@@ -49,17 +49,16 @@ def test_the_same_motion_shifted_turned_mirrored_renumbered(row: Row, case: str,
     """step(T x) = T step(x) for a shift, a quarter turn, a reflection, and two bodies that change places in the
     scene: nothing but the order of roundings is different, which `spread` bounds. A shift by d adds an ulp of d to
     each coordinate. Renumbered bodies are other particles in other tables, and have the same bits."""
-    begin = stirred(row)
     if case == "renumbered":
         renumbered(row, lab)
         return
+    begin, one = stirred_run(lab, row, STEPS)
 
     def shifted(position: np.ndarray) -> np.ndarray:
         return position + SHIFT
 
     place, turn = {"shifted": (shifted, lambda v: v), "turned": (quarter, quarter), "mirrored": (mirror, mirror)}[case]
-    other = changed(begin, place, turn)
-    one, two = lab.run(row.bare, STEPS, begin), lab.run(row.bare, STEPS, other)
+    two = lab.run(row.bare, STEPS, changed(begin, place, turn))
     limit = limit_of("symmetry", row)
     far = farthest(np.asarray(two.position, np.float64) - place(np.asarray(one.position, np.float64)))
     moved = farthest(np.asarray(one.position, np.float64) - begin.position)
@@ -129,12 +128,12 @@ def test_other_units_of_length_time_and_mass_give_the_same_bits(row: Row, case: 
     a bound that has a unit of its own and stands in a kernel as a number."""
     scale = {"length": 1.0, "time": 1.0, "mass": 1.0} | {case: 4.0}
     other = Scene(in_units(row.tables, **scale), "law")
-    begin = stirred(row)
+    begin, one = stirred_run(lab, row, STEPS)
     ratio = scale["length"] / scale["time"]
     start_of_other = State(
         begin.position * scale["length"], begin.velocity * ratio, begin.inverse_mass / scale["mass"], 0.0, 0
     )
-    one, two = lab.run(row.bare, STEPS, begin), lab.run(other, STEPS, start_of_other)
+    two = lab.run(other, STEPS, start_of_other)
     assert np.array_equal(two.position / one.position.dtype.type(scale["length"]), one.position)
     assert np.array_equal(two.velocity / one.position.dtype.type(ratio), one.velocity)
 
@@ -143,9 +142,8 @@ def test_other_units_of_length_time_and_mass_give_the_same_bits(row: Row, case: 
 def test_the_same_motion_far_from_the_origin(row: Row, case: str, lab: Lab) -> None:
     """A kilometre away coordinates are coarser, and nothing else: the difference to the motion at the origin is what
     `noise` of coordinates of that size makes of it, which `spread` adds up."""
-    begin = stirred(row)
-    other = changed(begin, lambda position: position + FAR, lambda v: v)
-    one, two = lab.run(row.bare, STEPS, begin), lab.run(row.bare, STEPS, other)
+    begin, one = stirred_run(lab, row, STEPS)
+    two = lab.run(row.bare, STEPS, changed(begin, lambda position: position + FAR, lambda v: v))
     far = farthest(np.asarray(two.position, np.float64) - FAR - one.position)
     assert far <= spread(row, lab, begin, one, two), far
 
@@ -157,7 +155,7 @@ def test_bystanders_keep_every_bit(row: Row, case: str, lab: Lab) -> None:
     body = row.tables["jelly" if row.family == "world" else row.body]
     away = [32.0, 0.0, 0.0][: 2 if body.get("dimensions") == 2 else 3]
     more = Scene(row.tables | {"beside": body | {"origin": away}}, "law")
-    both, alone = start(more), stirred(row)
+    both, (alone, one) = start(more), stirred_run(lab, row, STEPS)
     first_body = np.ones(len(both.position), bool)
     first_body[particles(more, "beside")] = False
     random, rest = np.random.default_rng(3), both.position[~first_body]
@@ -165,7 +163,6 @@ def test_bystanders_keep_every_bit(row: Row, case: str, lab: Lab) -> None:
     position[first_body], velocity[first_body] = alone.position, alone.velocity
     position[~first_body] = rounded(rest + random.uniform(-0.25, 0.25, rest.shape) * row.stretch)
     velocity[~first_body] = 0.25
-    one = lab.run(row.bare, STEPS, alone)
     two = lab.run(more, STEPS, State(position, velocity, both.inverse_mass, 0.0, 0))
     limit = limit_of("bystanders", row)
     if limit is None:

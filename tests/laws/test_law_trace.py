@@ -6,7 +6,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from lab import Lab, farthest, masses, same_bits, start, stirred
+from lab import Lab, farthest, masses, same_bits, start, stirred, stirred_run
 from law import of
 from rows import Row
 from test_law_energy import slope
@@ -23,15 +23,15 @@ def test_saving_loading_resetting_adding_and_removing_leave_no_trace(
     """A state holds every array that the next step reads, so that what goes on from one, also from its file, has the
     bits of what was never put aside; a reset leads to the start's bits; a body that came and went leaves the others
     theirs."""
-    begin = stirred(row)
-    whole = lab.run(row.bare, 2 * STEPS, begin)
     if case == "saved":
+        begin, whole = stirred_run(lab, row, 2 * STEPS)
         half = lab.run(row.bare, STEPS, begin)
         write_state(tmp_path / "half.npz", half)
         again = lab.run(row.bare, STEPS, read_state(tmp_path / "half.npz", row.bare))
         assert same_bits(again, whole) and again.step == whole.step and again.time == whole.time
         return
     if case == "reset":
+        begin = stirred(row)
         with lab.open(row.bare) as simulation:
             simulation.advance(STEPS)
             first = simulation.state()
@@ -41,6 +41,7 @@ def test_saving_loading_resetting_adding_and_removing_leave_no_trace(
             simulation.advance(STEPS)
             assert same_bits(simulation.state(), first)
         return
+    begin, whole = stirred_run(lab, row, 2 * STEPS)
     scene = row.scene({row.body: {"spare": 1}})
     plain, count = start(scene), len(begin.position)
     plain.position[:count], plain.velocity[:count] = begin.position, begin.velocity

@@ -1,4 +1,4 @@
-"""Which variants of a test run by default: few that together show every value, or every pair of values, of its parameters."""
+"""Which variants of a test run: few that together show every value, or every pair of values, of its parameters."""
 
 from __future__ import annotations
 
@@ -13,14 +13,15 @@ def shown(case: Case, together: int) -> set[tuple]:
     return set(combinations(sorted(case.items(), key=lambda item: item[0]), min(together, len(case))))
 
 
-def covering(cases: Sequence[Case], together: int = 1) -> list[int]:
+def covering(cases: Sequence[Case], together: int = 1, known: Sequence[Case] = ()) -> list[int]:
     """Places of cases, in order, that show what all of them do: every value (1), every pair of values that occurs (2).
+    What the `known` cases show is not shown again.
 
     Greedy: the case that adds most comes next; of equals the one with the most new pairs, then the first.
     """
     wanted = [shown(case, together) for case in cases]
     pairs = [shown(case, 2) for case in cases]
-    missing: set = set().union(*wanted)
+    missing: set = set().union(*wanted).difference(*(shown(case, together) for case in known))
     new: set = set().union(*pairs)
     chosen = []
     while missing:
