@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from softlab.bench.experiments.discretisation import BIAS, DIAGONALS, FINDING, RATIO, exact_ratio
 from softlab.bench.experiments.projections import ProjectionPoint
-from softlab.labbook import words
+from softlab.bench.measure import words
 from softlab.labbook.claims.claim import Claim, Claims, where
 from softlab.plots.core.data import Results
 from softlab.plots.figures.projections import panels

@@ -10,10 +10,10 @@ from collections import Counter
 
 from softlab.app.render.detail import by_software
 from softlab.bench.experiments.group import DRAWN_BY
+from softlab.bench.measure import words
+from softlab.bench.measure.words import masses, percent, times
 from softlab.bench.peers.registry import label
-from softlab.labbook import words
 from softlab.labbook.claims.claim import MARK, SUSPECT, Claim, Claims, cpu_source, named, on, on_gpu, trusted, where
-from softlab.labbook.words import masses, percent, times
 from softlab.plots.core.apart import apart, too_few
 from softlab.plots.core.backends import on_backends
 from softlab.plots.core.data import Results, Source, is_suspect, is_wrong

@@ -8,7 +8,7 @@ from softlab.bench.experiments.fluid_truth import laws
 from softlab.bench.experiments.fluid_truth.laws import start_off
 from softlab.bench.experiments.fluid_truth.rows import Judged
 from softlab.bench.experiments.fluid_truth.scenes import COLUMN, DAM, DROP, TANK, VORTICES
-from softlab.labbook import words
+from softlab.bench.measure import words
 from softlab.labbook.claims.claim import SUSPECT, Claim, Claims, where
 from softlab.plots.core.backends import on_backends
 from softlab.plots.core.data import Results, Source

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from softlab.bench.experiments.scaling.experiment import ScalingPoint, speedups, weak_efficiencies
-from softlab.labbook import words
+from softlab.bench.measure import words
 from softlab.labbook.claims.claim import Claim, Claims
 from softlab.plots.core.backends import on_backends
 from softlab.plots.core.data import Results, Source

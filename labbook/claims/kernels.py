@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from softlab.bench.measure import words
 from softlab.bench.measure.starts import COLD, WARM
-from softlab.labbook import words
+from softlab.bench.measure.words import masses, number, percent, seconds, times
 from softlab.labbook.claims.claim import Claim, Claims, on, trusted, where
-from softlab.labbook.words import masses, number, percent, seconds, times
 from softlab.plots.core.apart import apart, too_few
 from softlab.plots.core.backends import on_backends
 from softlab.plots.core.bandwidth import disturbed, from_memory

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from softlab.bench.experiments.throughput import ThroughputPoint
-from softlab.labbook import words
+from softlab.bench.measure import words
 from softlab.labbook.claims.claim import Claim, Claims, where
 from softlab.plots.core.data import Results
 from softlab.plots.figures.throughput import panels

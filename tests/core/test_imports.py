@@ -44,7 +44,7 @@ ORDER = {
     ),
     "plots": ("core", "figures", "findings", "draw"),
     "labbook": (
-        "words", "listings machines tables", "claims answer grid_tables", "facts rungs", "build", "film", "jobs", "commands",
+        "listings machines tables", "claims answer grid_tables", "facts rungs", "build", "film", "jobs", "commands",
     ),
 }  # fmt: skip
 
