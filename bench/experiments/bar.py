@@ -13,13 +13,15 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 
+from rich.console import Console
+
 from softlab.bench.experiments import bar_body, bar_strip, body_laws
 from softlab.bench.experiments.bar_body import bar, measured_tetrahedra, stand, sway, tetrahedra
 from softlab.bench.experiments.bar_strip import ACROSS, FREQUENCY, SAG, bend, hang, method_of, strip, swing
 from softlab.bench.experiments.body_laws import ANGULAR_MOMENTUM, DROP, ENERGY, FLIGHT, SPIN, law_scene, measure_law
 from softlab.bench.measure.costs_timing import Measures
 from softlab.bench.measure.experiment import described, source_hash
-from softlab.bench.measure.items import Experiment, Items
+from softlab.bench.measure.items import Finding, Items
 from softlab.bench.store.database import Store
 from softlab.model.base.digest import source_digest
 from softlab.model.scene.scene import Scene
@@ -47,15 +49,27 @@ LAWS = {SPIN: ANGULAR_MOMENTUM, FLIGHT: ANGULAR_MOMENTUM, DROP: ENERGY}
 LAW_SUBSTEPS = (1, 4, 16)
 
 
-def items(store: Store, backends: Sequence[str], quick: bool) -> list[Experiment]:
+def items(store: Store, backends: Sequence[str], quick: bool) -> list[Finding]:
     """Return all experiments; `quick`: few values of each parameter."""
     return [one for backend in backends for one in experiments(backend, quick)]
 
 
-run_bar = Items("bar", items, "softlab bar")
+class BarMaterial(Items):
+    """Compare sag, frequency and shear of one bar under every method with the theory of its material; also the cost."""
+
+    name = command = "bar"
+    example = "softlab bar --quick   (softlab bar --backend cpu)"
+    quick_help = "Few spacings, substeps and clusters, no bending, float64 only: under a minute on two cores."
+    in_lab = True
+    items = staticmethod(items)
+
+    def show(self, console: Console, store: Store, machine: str) -> None:
+        from softlab.bench.experiments.bar_rows import print_bar
+
+        print_bar(console, store, machine)
 
 
-def experiments(backend: str, quick: bool = False) -> list[Experiment]:
+def experiments(backend: str, quick: bool = False) -> list[Finding]:
     """Return all experiments of a backend: strips, jelly bars, tetrahedra, laws."""
     files_digest = source_digest(*(Path(str(module.__file__)) for module in (bar_strip, bar_body, body_laws)))
     sources = f"{source_hash(backend)}-{files_digest}-b{VERSION}"
@@ -71,9 +85,9 @@ def _experiment(
     finding: str,
     run: Callable[[], Measures],
     fields: dict[str, object],
-) -> Experiment:
+) -> Finding:
     fields = {"precision": "float64", "math": "exact"} | fields
-    return Experiment(name, described(scene, backend, finding, **fields), sources, run)
+    return Finding(name, described(scene, backend, finding, **fields), sources, run)
 
 
 def _subset(values: Sequence[float], quick: bool) -> list[float]:
@@ -95,7 +109,7 @@ def settings(quick: bool = False) -> Iterator[tuple[str, int, int, int]]:
                 yield "shape-matching", int(links), FINEST, region
 
 
-def _strips(backend: str, sources: str, quick: bool) -> list[Experiment]:
+def _strips(backend: str, sources: str, quick: bool) -> list[Finding]:
     runs = []
     loads = {SAG: hang, FREQUENCY: swing, ACROSS: bend}
     for name, links, substeps, region in settings(quick):
@@ -121,7 +135,7 @@ def bodies(quick: bool = False) -> list[tuple[int, float, int]]:
     return list(dict.fromkeys(bars))
 
 
-def _bodies(backend: str, sources: str, quick: bool) -> list[Experiment]:
+def _bodies(backend: str, sources: str, quick: bool) -> list[Finding]:
     runs = []
     for layers, overlap, substeps in bodies(quick):
         fields = {"layers": layers, "overlap": overlap, "substeps": substeps}
@@ -140,7 +154,7 @@ def of_tetrahedra(quick: bool = False) -> list[tuple[str, int, int]]:
     return list(dict.fromkeys(bars))
 
 
-def _tetrahedra(backend: str, sources: str, quick: bool) -> list[Experiment]:
+def _tetrahedra(backend: str, sources: str, quick: bool) -> list[Finding]:
     """Return the experiments of all loads.
 
     Across, the rest state of Newton's method does not depend on the number of substeps, so one is enough.
@@ -159,7 +173,7 @@ def _tetrahedra(backend: str, sources: str, quick: bool) -> list[Experiment]:
     return runs
 
 
-def _laws(backend: str, sources: str, quick: bool) -> list[Experiment]:
+def _laws(backend: str, sources: str, quick: bool) -> list[Finding]:
     runs = []
     for law, name in LAWS.items():
         for substeps in _subset(LAW_SUBSTEPS, quick):

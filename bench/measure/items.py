@@ -6,10 +6,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 from softlab.bench.measure import costs_timing
 from softlab.bench.measure.costs_timing import RATIO, Measures, Record
+from softlab.bench.measure.declaration import Experiment
 from softlab.bench.measure.experiment import Report, Summary, backends_here, resume, source_hash, store_measures
 from softlab.bench.store.database import Store
 from softlab.model.base.digest import source_digest
@@ -26,32 +27,26 @@ class Item(Protocol):
     def run(self, store: Store, run: str, report: Callable[[str], None]) -> None: ...
 
 
-@dataclass(frozen=True)
-class Items:
-    """An experiment of single items. `of(store, backends, quick, ...)`: all of them, or fewer, or measured in less time;
-    `doing`: text of the bar before each; `command`: that measures them."""
+class Items(Experiment):
+    """An experiment of single items, measured one after another; `doing`: text of the bar before each."""
 
-    name: str
-    of: Callable[..., Sequence[Item]]
-    command: str
-    doing: str = ""
+    doing: ClassVar[str] = ""
+
+    def items(self, store: Store, backends: Sequence[str], quick: bool, **chosen: Any) -> Sequence[Item]:
+        """Return all items, or (`quick`) fewer, or items that are measured in less time."""
+        raise NotImplementedError
 
     def __call__(
         self,
         store: Store,
         *,
         quick: bool = False,
-        backends: Sequence[str] | None = None,
         progress: bool = True,
         command: str = "",
-        **chosen: Any,
+        backends: Sequence[str] | None = None,
+        **how: Any,
     ) -> Summary:
-        """Measure the items that the store lacks, one after another. `backends`: None for all of this machine; `chosen`:
-        further arguments of `of`. Ctrl-C ends cleanly.
-
-        Raises SceneError (an impossible choice), BackendUnavailable, InputError (the store).
-        """
-        items = self.of(store, backends_here(backends), quick, **chosen)
+        items = self.items(store, backends_here(backends), quick, **self.picked(how, quick))
         summary = Summary.begun(store, self.name)
 
         def measure(group: Sequence[Item], report: Report) -> None:
@@ -63,7 +58,7 @@ class Items:
 
         return resume(
             store, summary, [[item] for item in items], lambda item: item.is_stored(store, summary.machine), measure,
-            progress=progress, command=command or self.command, worth=lambda item: item.worth,
+            progress=progress, command=command or self.asked_by(), worth=lambda item: item.worth,
         )  # fmt: skip
 
 
@@ -72,7 +67,7 @@ def _within(report: Report, name: str, text: str) -> None:
 
 
 @dataclass(frozen=True)
-class Experiment:
+class Finding:
     """One configuration of one finding. `name`: the measure by which the store knows that it is done."""
 
     name: str
