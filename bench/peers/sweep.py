@@ -147,11 +147,16 @@ class PeerRunner(GroupRunner):
         super().__init__(*how)
         self._judge = Judge(self.store, self.summary, self.effort.max_seconds)
 
+    def measure(self, group: Sequence[Case]) -> None:
+        """Check and time the cases of one group, the lab's first."""
+        self._body = build(group[0].scene)
+        super().measure(group)
+
     def _enter(self, case: Any, stack: ExitStack) -> Any:
         if case.peer is None:
             return super()._enter(case, stack)
         opened = close_quietly(stack, case.peer.open(case.scene, case.precision, case.threads or 1))
-        return Beside(case.peer, opened, build(case.scene))
+        return Beside(case.peer, opened, self._body)
 
     def _variant(self, case: Case, simulation: Simulation) -> Kind:
         return case.kind
@@ -162,13 +167,12 @@ class PeerRunner(GroupRunner):
     def _check(self, cases: Sequence[Any], simulations: dict[Kind, Simulation]) -> dict[Kind, str]:
         """Store the distance of each state from the lab's in float64; return the marks of the samples."""
         marks: dict[Kind, str] = {}
-        body = build(cases[0].scene) if cases else None
         for case in cases:
             simulation = simulations[case.simulation_kind]
             self._store(case, {"kernel": (None, "", simulation.kernel)})
             self.report(f"{case}: checking")
             try:
-                mark = self._judge.check(case, simulation, body)  # type: ignore[arg-type]
+                mark = self._judge.check(case, simulation, self._body)
             except Exception as error:
                 self._skip(case, error)
                 del simulations[case.simulation_kind]
