@@ -1,4 +1,4 @@
-"""Commands of declared experiments (bench/experiments/registry.py), made from their declarations when they are used."""
+"""Commands of declared experiments (bench/experiments/registry.py), built from their declarations when they are used."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ BACKEND, QUICK, STORE = "backend", "quick", "store"  # parameters that are not o
 
 
 class DeclaredCommand(Timed):
-    """A command whose help, parameters and callback are made when they are used: no other command imports its experiments."""
+    """A command whose help, parameters and callback are built when they are used, so that no other imports its experiments."""
 
     def __init__(self, **how: Any):
         super().__init__(**how)
@@ -37,8 +37,8 @@ class DeclaredCommand(Timed):
         elif name in ("params", "callback", "epilog"):
             declared = experiments(self.name)
             info = CommandInfo(callback=command_function(declared))
-            made = get_command_from_info(info, pretty_exceptions_short=True, rich_markup_mode="rich")
-            self.params, self.callback, self.epilog = made.params, made.callback, f"Example: {declared[0].example}"
+            built = get_command_from_info(info, pretty_exceptions_short=True, rich_markup_mode="rich")
+            self.params, self.callback, self.epilog = built.params, built.callback, f"Example: {declared[0].example}"
         else:
             raise AttributeError(name)
         return self.__dict__[name]
@@ -50,8 +50,8 @@ def _docstring(place: str) -> str:
     spec = find_spec(module)
     assert spec is not None and spec.origin is not None
     tree = ast.parse(Path(spec.origin).read_text(encoding="utf-8"))
-    found = next(node for node in tree.body if isinstance(node, ast.ClassDef) and node.name == name)
-    return ast.get_docstring(found) or ""
+    declared = next(node for node in tree.body if isinstance(node, ast.ClassDef) and node.name == name)
+    return ast.get_docstring(declared) or ""
 
 
 def add_commands(app: typer.Typer) -> None:
@@ -78,21 +78,21 @@ def command_function(declared: Sequence[Experiment]) -> Callable[..., None]:
     switches = {one: one.switch for one in declared if one.switch}
     options = {name: option for one in declared for name, option in one.options.items()}
 
-    def run(**given: Any) -> None:
-        path, how = given[STORE], {"quick": given[QUICK]}
-        asked = [one for one, switch in switches.items() if given[_argument(switch)]]
+    def run(**values: Any) -> None:
+        path, how = values[STORE], {"quick": values[QUICK]}
+        asked = [one for one, switch in switches.items() if values[_argument(switch)]]
         if len(asked) > 1:
             first, second = (switches[one].flag for one in asked[:2])
             raise SceneError(second, True, f"cannot be combined with {first}; leave one out")
         selected = asked or [one for one in declared if one not in switches]
-        wanted = {name: value for name, option in options.items() if (value := given[_argument(option)])}
+        wanted = {name: value for name, option in options.items() if (value := values[_argument(option)])}
         _check_options(declared, selected, {name: (options[name], value) for name, value in wanted.items()})
         for one in selected:
             if all(
                 name in one.options or options[name] is PRECISION for name in wanted
             ):  # else no part of it is wanted
                 chosen = {name: value for name, value in wanted.items() if name in one.options}
-                backends = {"backends": given[BACKEND]} if one.on_backends else {}
+                backends = {"backends": values[BACKEND]} if one.on_backends else {}
                 measure(path, one, one.show, **how, **backends, **chosen)
 
     parameters: dict[str, tuple[Any, Any]] = {

@@ -157,9 +157,9 @@ class Busy(Items):
     }  # fmt: skip
     note = "ratio: of a step's time on all threads over that on one, in the same company; medians"
 
-    def items(self, store: Store, backends: Sequence[str], quick: bool, **chosen: Any) -> list[Group]:
+    def items(self, store: Store, backends: Sequence[str], quick: bool, scenes: Sequence[str]) -> list[Group]:
         """Return a group for each scene, kernel and kind of program; `quick`: fewer and shorter samples."""
-        return groups(SHORT if quick else FULL, chosen["scenes"])
+        return groups(SHORT if quick else FULL, scenes)
 
     def rows(self, stored: Iterable[Measure], every: bool = False) -> list[BusyPoint]:
         return points(stored)

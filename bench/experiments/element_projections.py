@@ -102,7 +102,7 @@ class ElementProjections(Rates):
         """Return the number of projections per step."""
         return count_of(scene) * scene.method.substeps * scene.method.iterations
 
-    def groups(self, backends: Sequence[str], quick: bool, precisions: Sequence[str], **_: Any) -> list[list[Case]]:
+    def groups(self, backends: Sequence[str], quick: bool, precisions: Sequence[str]) -> list[list[Case]]:
         """Return the groups timed in turn: all cases of a bar on a backend. `quick`: two bars, one material."""
         all_groups = []
         for backend in backends:

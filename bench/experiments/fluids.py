@@ -171,7 +171,7 @@ class Fluids(Rates):
         solves = 2 if scene.method.scheme == "divergence-free" else 1
         return count_of(scene) * scene.method.substeps * scene.method.iterations * solves
 
-    def groups(self, backends: Sequence[str], quick: bool, precisions: Sequence[str], **_: Any) -> list[list[Case]]:
+    def groups(self, backends: Sequence[str], quick: bool, precisions: Sequence[str]) -> list[list[Case]]:
         """Return the groups timed in turn: schemes and precisions of a pool on a backend, and of a cup that pours.
 
         `quick`: two small pools only.

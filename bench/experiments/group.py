@@ -110,7 +110,7 @@ class GroupRunner:
         return stack.enter_context(case.open())
 
     def _variant(self, case: Case, simulation: Simulation) -> Kind:
-        """What is compiled once in a process."""
+        """Return the key of simulations that share machine code."""
         return (case.backend, case.precision, simulation.kernel)
 
     def _reason(self, case: Case, error: BaseException) -> str:

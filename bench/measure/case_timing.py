@@ -14,7 +14,7 @@ from softlab.app.driver import open_simulation
 from softlab.bench.measure import experiment
 from softlab.bench.measure.costs_timing import Measures
 from softlab.bench.measure.declaration import PRECISION, Experiment
-from softlab.bench.measure.experiment import Report, backends_here, host_of, resume, source_hash
+from softlab.bench.measure.experiment import Report, host_of, source_hash
 from softlab.bench.measure.samples import in_turns
 from softlab.bench.measure.timing import Subject, prepare
 from softlab.bench.store.database import Store
@@ -119,6 +119,7 @@ class Rates(Experiment):
     rate: ClassVar[str]
     kernel: ClassVar[str]
     options = {"precisions": PRECISION}
+    summary = Summary
     words: ClassVar[Mapping[str, Callable[[Scene], str]]] = {}
     fields: ClassVar[Mapping[str, Callable[[Row], Any]]] = {}
     order: ClassVar[Sequence[str]] = ("backend",)
@@ -147,30 +148,19 @@ class Rates(Experiment):
             for backend in backends
         ]
 
-    def __call__(
-        self,
-        store: Store,
-        *,
-        quick: bool = False,
-        progress: bool = True,
-        command: str = "",
-        backends: Sequence[str] | None = None,
-        **how: Any,
-    ) -> Summary:
-        here, repeats = backends_here(backends), QUICK_REPEATS if quick else REPEATS
-        groups = self.groups(here, quick, **self.picked(how, quick))
-        summary = Summary.begun(store, self.name)
+    def plan(
+        self, store: Store, backends: Sequence[str], quick: bool, options: Mapping[str, Any]
+    ) -> Sequence[Sequence[Case]]:
+        return self.groups(backends, quick, **options)
 
-        def measure(group: Sequence[Case], report: Report) -> None:
-            report(str(group[0]), 0)
-            self._time(store, summary, group, repeats)
-            report(str(group[0]), len(group))
+    def is_stored(self, store: Store, machine: str, quick: bool, case: Case) -> bool:
+        key, repeats = (case.description, machine, case.sources), QUICK_REPEATS if quick else REPEATS
+        return store.has_measure(*key, self.rate) and store.sample_count(*key, self.stage) >= repeats
 
-        def is_stored(case: Case) -> bool:
-            key = case.description, summary.machine, case.sources
-            return store.has_measure(*key, self.rate) and store.sample_count(*key, self.stage) >= repeats
-
-        return resume(store, summary, groups, is_stored, measure, progress=progress, command=command or self.asked_by())
+    def measure(self, store: Store, summary: Summary, quick: bool, group: Sequence[Case], report: Report) -> None:
+        report(str(group[0]), 0)
+        self._time(store, summary, group, QUICK_REPEATS if quick else REPEATS)
+        report(str(group[0]), len(group))
 
     def _time(self, store: Store, summary: Summary, group: Sequence[Case], repeats: int) -> None:
         """Time one group in turn, and store its samples and measures."""

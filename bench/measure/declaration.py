@@ -9,12 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, ClassVar
 
 from rich.console import Console
 from rich.table import Column
 
-from softlab.bench.measure.experiment import Summary
+from softlab.bench.measure.experiment import Report, Summary, backends_here, resume
 from softlab.bench.measure.tables import print_table
 from softlab.bench.measure.words import listed
 from softlab.bench.store.database import Store
@@ -100,9 +101,9 @@ class Sentence:
         """Return (sentence, numbers) of (backend, its place in words, rows); without numbers it is `missing`."""
         parts, numbers = [], {}
         for backend, place, rows in backends:
-            if (made := self.part(rows)) is not None:
-                parts.append(self.form.format(part=made[0], place=place))
-                numbers |= {f"{backend} {name}": value for name, value in made[1].items()}
+            if (part := self.part(rows)) is not None:
+                parts.append(self.form.format(part=part[0], place=place))
+                numbers |= {f"{backend} {name}": value for name, value in part[1].items()}
         return (self.text.format(self.join(parts)), numbers) if parts else (self.missing, {})
 
 
@@ -121,6 +122,7 @@ class Experiment:
     example: ClassVar[str] = ""
     quick_help: ClassVar[str] = "Fewer and smaller cases."
     options: ClassVar[Mapping[str, Option]] = {}
+    summary: ClassVar[type[Summary]] = Summary
     on_backends: ClassVar[bool] = True
     in_lab: ClassVar[bool] = False
     table: ClassVar[Mapping[str, Cell]] = {}
@@ -129,13 +131,40 @@ class Experiment:
     sentences: ClassVar[Mapping[str, Sentence]] = {}
 
     def __call__(
-        self, store: Store, *, quick: bool = False, progress: bool = True, command: str = "", **how: Any
+        self,
+        store: Store,
+        *,
+        quick: bool = False,
+        progress: bool = True,
+        command: str = "",
+        backends: Sequence[str] | None = None,
+        **how: Any,
     ) -> Summary:
-        """Measure what the store lacks, and return a summary. Ctrl-C ends cleanly.
+        """Measure what the store lacks, group by group, and return a summary. Ctrl-C ends cleanly.
 
-        `how`: `backends` (None: all of this machine), and `options`. Raises SceneError (an impossible choice),
-        BackendUnavailable, InputError (the store).
+        `quick`: fewer and smaller cases; `backends`: None for all of this machine; `how`: `options`. Raises SceneError (an
+        impossible choice), BackendUnavailable, InputError (the store).
         """
+        groups = self.plan(store, backends_here(backends), quick, self.picked(how, quick))
+        summary = self.summary.begun(store, self.name)
+        return resume(
+            store, summary, groups, partial(self.is_stored, store, summary.machine, quick),
+            partial(self.measure, store, summary, quick), progress=progress, command=command or self.asked_by(),
+            worth=lambda case: getattr(case, "worth", 1),
+        )  # fmt: skip
+
+    def plan(
+        self, store: Store, backends: Sequence[str], quick: bool, options: Mapping[str, Any]
+    ) -> Sequence[Sequence[Any]]:
+        """Return the groups of cases."""
+        raise NotImplementedError
+
+    def is_stored(self, store: Store, machine: str, quick: bool, case: Any) -> bool:
+        """Return True if the store has all results of a case."""
+        raise NotImplementedError
+
+    def measure(self, store: Store, summary: Any, quick: bool, group: Sequence[Any], report: Report) -> None:
+        """Measure the cases of a group, and store their results."""
         raise NotImplementedError
 
     def rows(self, stored: Iterable[Measure], every: bool = False) -> Sequence[Any]:

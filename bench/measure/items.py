@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Protocol
 from softlab.bench.measure import costs_timing
 from softlab.bench.measure.costs_timing import RATIO, Measures, Record
 from softlab.bench.measure.declaration import Experiment
-from softlab.bench.measure.experiment import Report, Summary, backends_here, resume, source_hash, store_measures
+from softlab.bench.measure.experiment import Report, Summary, source_hash, store_measures
 from softlab.bench.store.database import Store
 from softlab.model.base.digest import source_digest
 
@@ -31,35 +31,20 @@ class Items(Experiment):
     """An experiment of single items, measured one after another; `doing`: text of the bar before each."""
 
     doing: ClassVar[str] = ""
+    items: ClassVar[Callable[..., Sequence[Item]]]  # (store, backends, quick, options) -> all, or (`quick`) fewer
 
-    def items(self, store: Store, backends: Sequence[str], quick: bool, **chosen: Any) -> Sequence[Item]:
-        """Return all items, or (`quick`) fewer, or items that are measured in less time."""
-        raise NotImplementedError
+    def plan(self, store: Store, backends: Sequence[str], quick: bool, options: Mapping[str, Any]) -> list[list[Item]]:
+        return [[item] for item in self.items(store, backends, quick, **options)]
 
-    def __call__(
-        self,
-        store: Store,
-        *,
-        quick: bool = False,
-        progress: bool = True,
-        command: str = "",
-        backends: Sequence[str] | None = None,
-        **how: Any,
-    ) -> Summary:
-        items = self.items(store, backends_here(backends), quick, **self.picked(how, quick))
-        summary = Summary.begun(store, self.name)
+    def is_stored(self, store: Store, machine: str, quick: bool, case: Item) -> bool:
+        return case.is_stored(store, machine)
 
-        def measure(group: Sequence[Item], report: Report) -> None:
-            for item in group:
-                report(f"{self.doing}{item}", 0)
-                item.run(store, summary.run, partial(_within, report, f"{self.doing}{item}"))
-                summary.measured += 1
-                report(f"{self.doing}{item}", item.worth)
-
-        return resume(
-            store, summary, [[item] for item in items], lambda item: item.is_stored(store, summary.machine), measure,
-            progress=progress, command=command or self.asked_by(), worth=lambda item: item.worth,
-        )  # fmt: skip
+    def measure(self, store: Store, summary: Summary, quick: bool, group: Sequence[Item], report: Report) -> None:
+        for item in group:
+            report(f"{self.doing}{item}", 0)
+            item.run(store, summary.run, partial(_within, report, f"{self.doing}{item}"))
+            summary.measured += 1
+            report(f"{self.doing}{item}", item.worth)
 
 
 def _within(report: Report, name: str, text: str) -> None:
