@@ -13,15 +13,13 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 
-from rich.console import Console
-
 from softlab.bench.experiments import bar_body, bar_strip, body_laws
 from softlab.bench.experiments.bar_body import bar, measured_tetrahedra, stand, sway, tetrahedra
 from softlab.bench.experiments.bar_strip import ACROSS, FREQUENCY, SAG, bend, hang, method_of, strip, swing
 from softlab.bench.experiments.body_laws import ANGULAR_MOMENTUM, DROP, ENERGY, FLIGHT, SPIN, law_scene, measure_law
 from softlab.bench.measure.costs_timing import Measures
 from softlab.bench.measure.experiment import described, source_hash
-from softlab.bench.measure.items import Finding, Items
+from softlab.bench.measure.items import Finding
 from softlab.bench.store.database import Store
 from softlab.model.base.digest import source_digest
 from softlab.model.scene.scene import Scene
@@ -52,21 +50,6 @@ LAW_SUBSTEPS = (1, 4, 16)
 def items(store: Store, backends: Sequence[str], quick: bool) -> list[Finding]:
     """Return all experiments; `quick`: few values of each parameter."""
     return [one for backend in backends for one in experiments(backend, quick)]
-
-
-class BarMaterial(Items):
-    """Compare sag, frequency and shear of one bar under every method with the theory of its material; also the cost."""
-
-    name = command = "bar"
-    example = "softlab bar --quick   (softlab bar --backend cpu)"
-    quick_help = "Few spacings, substeps and clusters, no bending, float64 only: under a minute on two cores."
-    in_lab = True
-    items = staticmethod(items)
-
-    def show(self, console: Console, store: Store, machine: str) -> None:
-        from softlab.bench.experiments.bar_rows import print_bar
-
-        print_bar(console, store, machine)
 
 
 def experiments(backend: str, quick: bool = False) -> list[Finding]:

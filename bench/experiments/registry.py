@@ -13,10 +13,10 @@ EXPERIMENTS: dict[str, tuple[str, ...]] = {
         "sweep": "scaling.experiment:Scaling",
         "projections": "projections:Projections element_projections:ElementProjections",
         "throughput": "throughput:Throughput",
-        "fluids": "fluids:Fluids fluid_truth.experiment:FluidTruth fluid_rest:FluidRest",
+        "fluids": "fluids:Fluids fluid_truth.rows:FluidTruth fluid_rest:FluidRest",
         "busy": "busy:Busy",
-        "tetrahedra": "tetrahedra:Tetrahedra tetrahedral.meshes:Meshes",
-        "bar": "bar:BarMaterial bar_costs:BarCosts",
+        "tetrahedra": "tetrahedral.decides:Tetrahedra tetrahedral.meshes:Meshes",
+        "bar": "bar_rows:BarMaterial bar_costs:BarCosts",
     }.items()
 }
 

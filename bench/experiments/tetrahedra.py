@@ -24,7 +24,6 @@ from math import ceil, inf, pi
 from typing import Any
 
 import numpy as np
-from rich.console import Console
 
 from softlab.app.driver import open_simulation
 from softlab.bench.experiments.advise.tetrahedra_laws import Stiff
@@ -46,9 +45,8 @@ from softlab.bench.experiments.tetrahedral.cantilever import (
 )
 from softlab.bench.experiments.tetrahedral.promised import promised
 from softlab.bench.measure.costs_timing import FULL, QUICK, RATIO, SECONDS, Effort, Measures, Record, in_turn
-from softlab.bench.measure.declaration import PRECISION, Option
 from softlab.bench.measure.experiment import described, store_measures
-from softlab.bench.measure.items import Group, Items, cost_sources
+from softlab.bench.measure.items import Group, cost_sources
 from softlab.bench.measure.timing import Subject, prepare
 from softlab.bench.store.database import Store
 from softlab.model.base.errors import SoftlabError, UnstableTimeStep
@@ -177,33 +175,6 @@ def groups(
             run = partial(_bar, a, e, scenes, descriptions, effort)
             all_groups.append(Group(name, descriptions, sources, run, len(scenes)))
     return all_groups
-
-
-class Tetrahedra(Items):
-    """Measure the solver error and the mesh error of a bar of tetrahedra, and the fastest solver within 1 %."""
-
-    name = command = TETRAHEDRA
-    doing = "bar: "
-    example = "softlab tetrahedra --quick   (softlab tetrahedra --backend cpu --precision float64)"
-    quick_help = "One mesh, few substeps and iterations, fewer repeats: half a minute on two cores."
-    in_lab = True
-    options = {
-        "across": Option(
-            "--across", "Only bars of this many voxels across: 1, 2, 4 or 8. Repeatable.", int, SECTIONS, quick=SECTIONS[1:2]
-        ),
-        "young": Option("--young", "Only bars of this Young's modulus: 1e5, 1e6 or 1e7 Pa. Repeatable.", float, MODULI),
-        "solvers": Option(
-            "--solver", "Only this solver: xpbd, 'xpbd blocks', vbd, newton or 'newton order 2'. Repeatable.",
-            values=tuple(SETTINGS),
-        ),
-        "precisions": PRECISION,
-    }  # fmt: skip
-    items = staticmethod(groups)
-
-    def show(self, console: Console, store: Store, machine: str) -> None:
-        from softlab.bench.experiments.tetrahedral.decides import print_tetrahedra
-
-        print_tetrahedra(console, store, machine)
 
 
 def let_go(scene: Scene) -> Scene:

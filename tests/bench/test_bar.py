@@ -10,7 +10,7 @@ import pytest
 from rich.console import Console
 
 from softlab.bench.experiments import bar as job
-from softlab.bench.experiments.bar import FINEST, TETRAHEDRA, BarMaterial, experiments
+from softlab.bench.experiments.bar import FINEST, TETRAHEDRA, experiments
 from softlab.bench.experiments.bar_body import (
     CLUSTERS,
     LENGTH,
@@ -22,7 +22,7 @@ from softlab.bench.experiments.bar_body import (
     sway,
     tetrahedra,
 )
-from softlab.bench.experiments.bar_rows import print_bar
+from softlab.bench.experiments.bar_rows import BarMaterial, print_bar
 from softlab.bench.experiments.bar_strip import (
     ACROSS,
     DECAY,

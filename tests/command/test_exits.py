@@ -67,8 +67,8 @@ MEASURING = {  # command -> what does its work
     "projections": "softlab.bench.experiments.projections.Projections.__call__",
     "throughput": "softlab.bench.experiments.throughput.Throughput.__call__",
     "fluids": "softlab.bench.experiments.fluids.Fluids.__call__",
-    "bar": "softlab.bench.experiments.bar.BarMaterial.__call__",
-    "tetrahedra": "softlab.bench.experiments.tetrahedra.Tetrahedra.__call__",
+    "bar": "softlab.bench.experiments.bar_rows.BarMaterial.__call__",
+    "tetrahedra": "softlab.bench.experiments.tetrahedral.decides.Tetrahedra.__call__",
     "ablate lab-grid": "softlab.bench.experiments.advise.ablate.ablate",
 }
 EVERY = MEASURING | {

@@ -11,8 +11,8 @@ import pytest
 from rich.console import Console
 
 from softlab.bench.experiments.fluid_truth import experiment, laws, scenes
-from softlab.bench.experiments.fluid_truth.experiment import LABELS, FluidTruth, groups
-from softlab.bench.experiments.fluid_truth.rows import NUMBERS, Judged, print_truth, rows, tensions
+from softlab.bench.experiments.fluid_truth.experiment import LABELS, groups
+from softlab.bench.experiments.fluid_truth.rows import NUMBERS, FluidTruth, Judged, print_truth, rows, tensions
 from softlab.bench.experiments.fluid_truth.scenes import (
     COLUMN,
     DAM,

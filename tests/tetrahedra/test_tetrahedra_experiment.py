@@ -22,7 +22,6 @@ from softlab.bench.experiments.tetrahedra import (
     MOTION_ERROR,
     SAG,
     SOLVER_ERROR,
-    Tetrahedra,
     groups,
     settings,
 )
@@ -38,7 +37,7 @@ from softlab.bench.experiments.tetrahedral.cantilever import (
     lacking,
     sag,
 )
-from softlab.bench.experiments.tetrahedral.decides import decisions, targets
+from softlab.bench.experiments.tetrahedral.decides import Tetrahedra, decisions, targets
 from softlab.bench.measure.costs_timing import SECONDS
 from softlab.bench.measure.experiment import described
 from softlab.bench.measure.machine import enter_machine

@@ -14,15 +14,13 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-
 from softlab.app.driver import open_simulation
 from softlab.bench.experiments.fluid_truth.laws import judged
 from softlab.bench.experiments.fluid_truth.scenes import DAM, TANK, Setting, settings
 from softlab.bench.measure.costs_timing import FULL, QUICK, RATIO, SECONDS, Effort, Measures, Record, in_turn
 from softlab.bench.measure.declaration import Option
 from softlab.bench.measure.experiment import host_of
-from softlab.bench.measure.items import Group, Items, cost_sources
+from softlab.bench.measure.items import Group, cost_sources
 from softlab.bench.measure.timing import Subject, prepare
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import configuration
@@ -76,20 +74,6 @@ def groups(store: Store, backends: Sequence[str], quick: bool, peers: bool = Fal
 
 
 BESIDE_PEERS = Option("--peers", "With --truth or --rest: also measure other programs (SPlisHSPlasH).", bool)
-
-
-class FluidTruth(Items):
-    """Measure the errors of fluids against known solutions."""
-
-    name, command, doing = "fluids: truth", "fluids", "judging and timing: "
-    switch = Option("--truth", "Measure errors against known solutions, and the time per frame, instead.", bool)
-    options = {"peers": BESIDE_PEERS}
-    items = staticmethod(groups)
-
-    def show(self, console: Console, store: Store, machine: str) -> None:
-        from softlab.bench.experiments.fluid_truth.rows import print_truth
-
-        print_truth(console, store, machine)
 
 
 def _measured(
