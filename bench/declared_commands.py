@@ -24,7 +24,7 @@ BACKEND, QUICK, STORE = "backend", "quick", "store"  # parameters that are not o
 
 
 class DeclaredCommand(Timed):
-    """A command whose help, parameters and callback are built on their first use: no other command imports its experiments."""
+    """A command whose help, parameters and callback are built on first use: no other command imports its experiments."""
 
     def __init__(self, **how: Any):
         super().__init__(**how)
