@@ -79,7 +79,6 @@ def command_function(declared: Sequence[Experiment]) -> Callable[..., None]:
     options = {name: option for one in declared for name, option in one.options.items()}
 
     def run(**values: Any) -> None:
-        path, how = values[STORE], {"quick": values[QUICK]}
         asked = [one for one, switch in switches.items() if values[_argument(switch)]]
         if len(asked) > 1:
             first, second = (switches[one].flag for one in asked[:2])
@@ -93,7 +92,7 @@ def command_function(declared: Sequence[Experiment]) -> Callable[..., None]:
             ):  # else no part of it is wanted
                 chosen = {name: value for name, value in wanted.items() if name in one.options}
                 backends = {"backends": values[BACKEND]} if one.on_backends else {}
-                measure(path, one, one.show, **how, **backends, **chosen)
+                measure(values[STORE], one, one.show, quick=values[QUICK], **backends, **chosen)
 
     parameters: dict[str, tuple[Any, Any]] = {
         QUICK: (_annotated(Option("--quick", declared[0].quick_help, bool)), False)

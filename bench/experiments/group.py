@@ -11,7 +11,7 @@ import statistics
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, suppress
-from typing import Any, TypeVar
+from typing import Protocol, TypeVar
 
 from softlab.app.driver import open_simulation
 from softlab.bench.experiments.checks import FULL_SIZE_STEPS, Check, against_other, against_reference
@@ -26,7 +26,14 @@ from softlab.cpu_backend.core.threads import thread_count
 from softlab.model.base.errors import Diverged, SoftlabError
 from softlab.model.core.simulation import Simulation
 
-Closed = TypeVar("Closed", bound=Any)
+
+class Closable(Protocol):
+    """Whatever was opened."""
+
+    def close(self) -> None: ...
+
+
+Closed = TypeVar("Closed", bound=Closable)
 DRAWN_BY = "drawn_by"  # a measure: renderer, picture and way, as its reason
 PICTURE = (800, 600)  # pixels of what is drawn off-screen: the grid alone, no text
 

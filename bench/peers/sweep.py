@@ -89,8 +89,10 @@ class _Comparison(Sweep):
                 self._missing(case) <= 0 for case in runnable
             ):  # the lab alone is no comparison
                 able.append(runnable)
-        how: dict[str, Any] = {"progress": progress, "command": command, "whole": True}
-        resume(self.store, self.summary, able, lambda case: self._missing(case) <= 0, self._measure, **how)
+        resume(
+            self.store, self.summary, able, lambda case: self._missing(case) <= 0, self._measure, progress=progress,
+            command=command, whole=True,
+        )  # fmt: skip
         self.summary.skipped += [(str(case), reason) for case, reason in self.refused]
         return self.summary
 

@@ -44,7 +44,7 @@ B, C = TypeVar("B", bound=Timed), TypeVar("C", bound=Chosen)
 
 
 def time_in_turn(
-    store: Store, run: str, scene: Scene, budgets: Sequence[B], finding: str, *files: str
+    store: Store, run: str, scene: Scene, budgets: Sequence[B], finding: str, files: Sequence[str]
 ) -> tuple[list[tuple[B, Measures]], list[tuple[B, str]]]:
     """Time steps of the scene with each budget, in turn; return (budget, its costs), and (budget, why it cannot be run).
 
@@ -70,7 +70,7 @@ def time_in_turn(
 
 
 class Answer(Generic[C]):
-    """What all answers have: `scene`, as requested, `choices` that reach the error, fastest first, `why` there are none."""
+    """Base of all answers: `scene`, as requested, `choices` that reach the error, fastest first, `why` there are none."""
 
     scene: Scene
     choices: tuple[C, ...]

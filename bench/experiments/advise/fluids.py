@@ -165,7 +165,7 @@ def _nearest(tried: Sequence[FluidBudget], backend: str, scheme: str, error: flo
 
 def _timed(store: Store, run: str, scene: Scene, able: Sequence[FluidBudget]) -> list[FluidBudget]:
     """Return the budgets that reach the error with the time of a step from the scene's start, sampled in turn."""
-    timed, failed = time_in_turn(store, run, scene, able, FINDING, __file__)
+    timed, failed = time_in_turn(store, run, scene, able, FINDING, [__file__])
     # those that failed now ran before; that time stays
     return [one.with_(one.density, costs[SECONDS][0] or one.seconds) for one, costs in timed] + [
         one for one, _ in failed

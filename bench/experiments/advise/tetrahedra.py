@@ -235,7 +235,7 @@ def _timed(
     store: Store, run: str, scene: Scene, budgets: Sequence[Budget]
 ) -> tuple[list[Budget], list[tuple[str, str]]]:
     """Return (the budgets with the time of a step, (words, reason) of those that cannot be run here)."""
-    timed, failed = time_in_turn(store, run, scene, budgets, FINDING, __file__, str(Path(__file__).parent))
+    timed, failed = time_in_turn(store, run, scene, budgets, FINDING, [__file__, str(Path(__file__).parent)])
     wrong = [(one, costs[SECONDS][2] or "") for one, costs in timed if is_wrong(costs[SECONDS][2])]
     able = [one.taking(costs[SECONDS][0] or inf) for one, costs in timed if not is_wrong(costs[SECONDS][2])]
     return able, [(str(one), reason) for one, reason in (*failed, *wrong)]
