@@ -7,7 +7,7 @@ An experiment is a class in one file, named in bench/experiments/registry.py. Fr
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, ClassVar
@@ -24,6 +24,9 @@ from softlab.model.base.errors import SceneError
 from softlab.model.core.simulation import PRECISIONS
 
 
+Value = str | int | float
+
+
 @dataclass(frozen=True)
 class Option:
     """An option of an experiment, which may be repeated on the command line, or (`type` bool) a switch.
@@ -35,9 +38,9 @@ class Option:
     flag: str
     help: str
     type: type = str
-    values: Sequence[Any] = ()
-    usual: Sequence[Any] | None = None
-    quick: Sequence[Any] | None = None
+    values: Sequence[Value] = ()
+    usual: Sequence[Value] | None = None
+    quick: Sequence[Value] | None = None
 
     def chosen(self, wanted: Any, quick: bool) -> Any:
         """Return the wanted values, each once, or the usual ones. Raises SceneError for a value that is not allowed."""
@@ -71,12 +74,12 @@ class Lines:
     title: str
     caption: str
     y_label: str
-    styles: Mapping[Any, tuple[str, str, str]]
-    keys: Callable[[Any], tuple[Any, Any]]
+    styles: Mapping[Hashable, tuple[str, str, str]]
+    keys: Callable[[Any], tuple[Hashable, Hashable]]
     x: str = "particles"
     y: str = "rate"
     x_label: str = "particles"
-    dashes: Mapping[Any, str] = field(default_factory=lambda: {0: "-"})
+    dashes: Mapping[Hashable, str] = field(default_factory=lambda: {0: "-"})
     select: Callable[[Any], bool] = lambda row: True
 
 

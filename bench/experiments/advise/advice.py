@@ -1,4 +1,4 @@
-"""Answer of `softlab advise`: the fastest configuration for an error, the second, and the rejected ones with reasons."""
+"""BaseAdvice of `softlab advise`: the fastest configuration for an error, the second, and the rejected ones with reasons."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 from softlab.bench.experiments.accuracy.methods import changes
 from softlab.bench.experiments.accuracy.points import method_words
-from softlab.bench.experiments.advise.budgets import NOISE, Answer
+from softlab.bench.experiments.advise.budgets import NOISE, BaseAdvice
 from softlab.bench.experiments.growth import DISTURBANCE, growth_words
 from softlab.model.scene.scene import Scene
 
@@ -60,8 +60,8 @@ class Choice:
 
 
 @dataclass(frozen=True)
-class Advice(Answer[Choice]):
-    """Answer for one scene and error.
+class Advice(BaseAdvice[Choice]):
+    """BaseAdvice for one scene and error.
 
     `scene`: as requested; `error` [spacings]: requested at `time` [s]. `growth`: the factor by which a disturbance of
     1e-9 has grown by then. `choices`: every configuration that reaches the error and was timed, fastest first.

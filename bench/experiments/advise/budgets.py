@@ -40,7 +40,8 @@ class Timed(Chosen, Protocol):
     def seconds(self) -> float: ...
 
 
-B, C = TypeVar("B", bound=Timed), TypeVar("C", bound=Chosen)
+B = TypeVar("B", bound=Timed)
+C = TypeVar("C", bound=Chosen)
 
 
 def time_in_turn(
@@ -69,7 +70,7 @@ def time_in_turn(
     return [(budget, numbers) for (budget, _), numbers in zip(ready, costs, strict=True)], failed
 
 
-class Answer(Generic[C]):
+class BaseAdvice(Generic[C]):
     """Base of all answers: `scene`, as requested, `choices` that reach the error, fastest first, `why` there are none."""
 
     scene: Scene
@@ -93,8 +94,8 @@ class Answer(Generic[C]):
 
 
 @dataclass(frozen=True)
-class BudgetAdvice(Answer[B], Generic[B]):
-    """Answer for one scene and error.
+class BudgetAdvice(BaseAdvice[B], Generic[B]):
+    """BaseAdvice for one scene and error.
 
     `error`: relative, as requested; `time` [s]: the end time; `choices`: the budgets that reach the error, timed,
     fastest first; `beaten`: (name, why it was rejected); `notes`: remarks; `seconds`: duration of the search.
