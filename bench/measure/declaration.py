@@ -23,7 +23,6 @@ from softlab.bench.store.results import Measure, measures
 from softlab.model.base.errors import SceneError
 from softlab.model.core.simulation import PRECISIONS
 
-
 Value = str | int | float
 
 
