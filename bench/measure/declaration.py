@@ -105,7 +105,7 @@ class Sentence:
         for backend, place, rows in backends:
             if (part := self.part(rows)) is not None:
                 parts.append(self.form.format(part=part[0], place=place))
-                numbers |= {f"{backend} {name}": value for name, value in part[1].items()}
+                numbers |= {f"{backend} {name}".strip(): value for name, value in part[1].items()}
         return (self.text.format(self.join(parts)), numbers) if parts else (self.missing, {})
 
 

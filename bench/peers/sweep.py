@@ -14,7 +14,7 @@ from contextlib import ExitStack
 from typing import Any
 
 from softlab.bench.experiments.group import GroupRunner, close_quietly
-from softlab.bench.experiments.sweep import Sweep, choose_effort
+from softlab.bench.experiments.sweep import Asked, Sweep
 from softlab.bench.measure.cases import Case, Kind, SweepSummary, record_skip
 from softlab.bench.measure.experiment import Report, backends_here, resume
 from softlab.bench.measure.gpu import gpu_simulated
@@ -31,42 +31,32 @@ from softlab.model.core.simulation import Simulation
 
 
 def run_peers(
-    store: Store,
-    *,
-    quick: bool = False,
-    scenes: Iterable[str] | None = None,
-    backends: Sequence[str] | None = None,
-    sizes: Iterable[int] | None = None,
-    precisions: Sequence[str] = ("float32", "float64"),
-    max_seconds: float | None = None,
-    total_seconds: float | None = None,
-    repeats: int | None = None,
-    min_seconds: float | None = None,
-    peers: Sequence[Peer] = PEERS,
-    progress: bool = True,
-    command: str = "softlab sweep --peers",
+    store: Store, *, scenes: Iterable[str] | None = None, peers: Sequence[Peer] = PEERS, **how: Any
 ) -> SweepSummary:
     """Measure the comparisons that the store lacks, and return a summary.
 
-    `scenes`: words of bench/peers/scenes.py; other arguments as in run_sweep of bench/experiments/sweep.py.
+    `scenes`: words of bench/peers/scenes.py; `how`: fields of `Asked` of bench/experiments/sweep.py.
 
     Raises SceneError (an impossible choice), InputError (the store), BackendUnavailable (a requested backend).
     """
-    effort = choose_effort(quick, max_seconds, total_seconds, repeats, min_seconds, again=False)
-    here = backends_here(backends)
-    lengths = None if sizes is None else list(sizes)
+    asked = Asked(**{"command": "softlab sweep --peers", "again": False} | how)
+    effort, quick = asked.effort(), asked.quick
+    here = backends_here(asked.backends)
+    lengths = None if asked.sizes is None else list(asked.sizes)
     wanted_scenes = peer_scenes(scenes, quick)
     planned = [(scene, sized) for scene in wanted_scenes for sized in scene.sized(quick, lengths)]
     peers = [peer for peer in peers if any(scene.word in peer.scenes for scene in wanted_scenes)]
-    wanted = list(backends or ("cpu", "gpu"))  # peers of an unavailable backend are skipped with their reason
+    wanted = list(asked.backends or ("cpu", "gpu"))  # peers of an unavailable backend are skipped with their reason
     groups = [
         group_of(scene, sized, name, precision, peers)
         for scene, sized in planned
         for name in wanted
-        for precision in precisions
+        for precision in asked.precisions
     ]
     summary = SweepSummary.begun(store, "peers")
-    return _Comparison(PeerRunner(store, effort, summary, here, {})).compare(groups, peers, progress, command)
+    return _Comparison(PeerRunner(store, effort, summary, here, {})).compare(
+        groups, peers, asked.progress, asked.command
+    )
 
 
 class _Comparison(Sweep):
