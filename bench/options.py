@@ -22,7 +22,6 @@ Methods = Annotated[
     ),
 ]
 Precisions = Annotated[list[str] | None, typer.Option(help="Only float32, or float64. Repeatable.")]
-RatePrecisions = Annotated[list[str] | None, typer.Option(help="float32 (the default), or float64. Repeatable.")]
 Cluster = Annotated[
     str | None,
     typer.Option(

@@ -82,14 +82,16 @@ def sweep(
     check_positive("--min-ms", min_ms)
     where = where_asked(cluster, workers, sbatch)
     if gpus:
-        from softlab.bench.experiments.scaling.experiment import print_scaling, run_scaling
+        from softlab.bench.experiments.scaling.experiment import SCENES, Scaling
 
         shared: dict[str, Any] = {"gpus": gpus, "sizes": size, "exchange_every": exchange_every, "weak": weak}
         shared |= {"links": link} if link else {}
         chosen = precisions_of(precision, ["float32"])
         for word in scene or ["grid"]:
+            if word not in SCENES:
+                raise SceneError("--scene", word, f"with --gpus one of {', '.join(SCENES)}")
             measure(
-                store, run_scaling, print_scaling, quick=quick, backends=backend or ["gpu"], precisions=chosen, scene=word,
+                store, Scaling(), Scaling().show, quick=quick, backends=backend or ["gpu"], precisions=chosen, scene=word,
                 **shared,
             )  # fmt: skip
         return

@@ -12,9 +12,9 @@ from math import isinf
 
 from softlab.bench.experiments.accuracy.methods import admitted, changes
 from softlab.bench.experiments.accuracy.points import CLOTHS, SCENES, SIZES, method_words
-from softlab.labbook import words
+from softlab.bench.measure import words
+from softlab.bench.measure.words import number, seconds
 from softlab.labbook.tables import DASH, Table, table
-from softlab.labbook.words import number, seconds
 from softlab.model.core.families import stability_limit
 from softlab.model.scene.scene import Scene, load_scene
 from softlab.plots.core.accuracy_points import Point, points

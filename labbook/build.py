@@ -17,6 +17,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from softlab.bench.experiments.registry import experiments
 from softlab.bench.stress.results import rows_of
 from softlab.labbook.answer import winner_tables
 from softlab.labbook.claims import (
@@ -40,8 +41,8 @@ from softlab.labbook.claims import (
     kernels,
     stability,
     tetrahedra,
-    throughput,
 )
+from softlab.labbook.claims.declared import claims_of
 from softlab.labbook.facts import facts
 from softlab.labbook.grid_tables import graphics_tables, thread_tables
 from softlab.labbook.listings import listings
@@ -77,11 +78,14 @@ APPENDIX = ("rungs", "threads", "gpus", "findings", "references")
 CHAPTERS = (*MAIN, *APPENDIX)
 CLAIMS = {  # every sentence made from the measurements, by name
     name: sentence
-    for module in (
-        claim, comparison, kernels, accuracy, findings, costs, convergence, stability, hard, ablation, cloth, throughput,
-        bodies, bar_costs, body_laws, hard_bodies, hard_tetrahedra, busy, tetrahedra, fluids, gpus,
+    for claims in (
+        *(module.CLAIMS for module in (
+            claim, comparison, kernels, accuracy, findings, costs, convergence, stability, hard, ablation, cloth, bodies,
+            bar_costs, body_laws, hard_bodies, hard_tetrahedra, busy, tetrahedra, fluids, gpus,
+        )),
+        *map(claims_of, experiments()),
     )
-    for name, sentence in module.CLAIMS.items()
+    for name, sentence in claims.items()
 }  # fmt: skip
 TABLES = {
     "answer": winner_tables, "graphics": graphics_tables, "threads": thread_tables, "rungs": rung_tables,

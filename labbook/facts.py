@@ -20,10 +20,10 @@ from softlab.bench.experiments.stability.runs import END as STABILITY_END
 from softlab.bench.experiments.stability.runs import TOLERANCE as STABILITY_TOLERANCE
 from softlab.bench.experiments.sweep import FULL, QUICK
 from softlab.bench.measure.timing import DRAW_EVERY, SHORTEST_SAMPLE
+from softlab.bench.measure.words import percent, seconds
 from softlab.bench.store.results import SPREAD_LIMIT
 from softlab.cpu_backend.core.threads import MULTIPLES
 from softlab.gpu_backend.core.sheet import BLOCK
-from softlab.labbook.words import percent, seconds
 from softlab.model.base.digest import ROOT
 from softlab.model.mass_spring.plan import mass_spring_plan
 from softlab.model.scene.scene import load_scene

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from softlab.bench.measure import words
 from softlab.bench.measure.timing import DRAW_EVERY
 from softlab.bench.store.results import Timing
-from softlab.labbook import words
 from softlab.labbook.tables import DASH, Table, table
 from softlab.plots.core.data import Results, Source, is_suspect, sound
 from softlab.plots.figures.crossover import Pair, pairs

@@ -146,18 +146,9 @@ def _measurements(console: Console, store: Any, quick: bool, command: str) -> di
     from softlab.bench.experiments.accuracy.experiment import run_accuracy
     from softlab.bench.experiments.advise.ablate import ablate
     from softlab.bench.experiments.advise.ablation_results import print_ablation
-    from softlab.bench.experiments.bar import run_bar
-    from softlab.bench.experiments.bar_costs import run_bar_costs
-    from softlab.bench.experiments.busy import run_busy
-    from softlab.bench.experiments.convergence import run_convergence
-    from softlab.bench.experiments.findings.costs import run_costs
-    from softlab.bench.experiments.findings.experiment import run_findings
-    from softlab.bench.experiments.projections import run_projections
+    from softlab.bench.experiments.registry import experiments
     from softlab.bench.experiments.stability.experiment import run_stability
     from softlab.bench.experiments.sweep import run_sweep
-    from softlab.bench.experiments.tetrahedra import run_tetrahedra
-    from softlab.bench.experiments.tetrahedral.meshes import run_meshes
-    from softlab.bench.experiments.throughput import run_throughput
     from softlab.bench.measure.compile_ahead import gathering
     from softlab.bench.measure.tables import print_sweep
     from softlab.bench.stress.experiment import run_hard
@@ -169,22 +160,10 @@ def _measurements(console: Console, store: Any, quick: bool, command: str) -> di
     ) -> Callable[[], Any]:
         return lambda: _report(console, run(store, command=command, **how), show)
 
-    small = (
-        run_findings,
-        run_costs,
-        run_convergence,
-        run_projections,
-        run_throughput,
-        run_busy,
-        run_bar,
-        run_bar_costs,
-        run_meshes,
-        run_tetrahedra,
-    )
-
     def findings() -> None:
-        for run in small:
-            job(run)()
+        for one in experiments():
+            if one.in_lab:
+                job(one)()
 
     def needs() -> None:
         for name in ABLATED:

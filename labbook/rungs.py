@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from softlab.bench.measure import words
 from softlab.bench.store.results import Timing
-from softlab.labbook import words
 from softlab.labbook.claims.claim import trusted
 from softlab.labbook.tables import DASH, Table, table
 from softlab.plots.core.apart import apart

@@ -6,8 +6,8 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
+from softlab.bench.measure import words
 from softlab.bench.store.machine_records import DISTURBED
-from softlab.labbook import words
 from softlab.plots.core.data import Results, Source
 from softlab.plots.core.style import OLDER
 

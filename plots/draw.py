@@ -14,10 +14,13 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
+from softlab.bench.experiments.registry import experiments
 from softlab.cpu_backend.core.threads import core_count
 from softlab.model.base.errors import InputError
+from softlab.plots.core import declared
 from softlab.plots.core.data import Results
 from softlab.plots.core.files import SUFFIXES, save
 from softlab.plots.core.style import Drawing, settings
@@ -34,7 +37,6 @@ from softlab.plots.figures import (
     kernels,
     lab_step,
     peers,
-    projections,
     regimes,
     roofline,
     stability,
@@ -42,7 +44,6 @@ from softlab.plots.figures import (
     tetrahedra_decides,
     tetrahedra_mesh,
     tetrahedra_total,
-    throughput,
     time_per_step,
     work_precision,
 )
@@ -75,8 +76,6 @@ DRAWN: dict[str, tuple[str, Callable[[Results], Drawing | str]]] = {  # name -> 
     "findings-determinism": (findings_determinism.TITLE, findings_determinism.draw),
     "convergence": (convergence.TITLE, convergence.draw),
     "ablation": (ablation.TITLE, ablation.draw),
-    "projections": (projections.TITLE, projections.draw),
-    "throughput": (throughput.TITLE, throughput.draw),
     "tetrahedra": (tetrahedra.TITLE, tetrahedra.draw),
     "tetrahedra-total": (tetrahedra_total.TITLE, tetrahedra_total.draw),
     "tetrahedra-decides": (tetrahedra_decides.TITLE, tetrahedra_decides.draw),
@@ -90,6 +89,7 @@ DRAWN: dict[str, tuple[str, Callable[[Results], Drawing | str]]] = {  # name -> 
     "fluids-phases": (fluid_phases.TITLE, fluid_phases.draw),
     "fluids-rest": (fluid_rest.TITLE, fluid_rest.draw),
     "bar-clusters": (bar.CLUSTERS_TITLE, bar.draw_clusters),
+    **{one.name: (one.figure.title, partial(declared.draw, one)) for one in experiments() if one.figure},
 }
 FIGURES = {name: draw for name, (_, draw) in DRAWN.items()}
 TITLES = {name: title for name, (title, _) in DRAWN.items()}

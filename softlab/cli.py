@@ -34,6 +34,7 @@ from softlab.app.command.command_line import (
 from softlab.app.command.file_commands import filing
 from softlab.bench.advice_commands import advising
 from softlab.bench.commands import measuring
+from softlab.bench.declared_commands import add_commands
 from softlab.bench.scale_commands import scaling
 from softlab.bench.store.commands import keeping
 from softlab.bench.sweep_commands import sweeping
@@ -238,8 +239,11 @@ def demo(
         )
 
 
-for group in (sweeping, measuring, advising, telling):
+for group in (sweeping, measuring):
     app.registered_commands += group.registered_commands  # here: it is the order of --help
+add_commands(app)
+for group in (advising, telling):
+    app.registered_commands += group.registered_commands
 
 
 @app.command(epilog="Example: softlab scenes")

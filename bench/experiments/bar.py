@@ -19,7 +19,7 @@ from softlab.bench.experiments.bar_strip import ACROSS, FREQUENCY, SAG, bend, ha
 from softlab.bench.experiments.body_laws import ANGULAR_MOMENTUM, DROP, ENERGY, FLIGHT, SPIN, law_scene, measure_law
 from softlab.bench.measure.costs_timing import Measures
 from softlab.bench.measure.experiment import described, source_hash
-from softlab.bench.measure.items import Experiment, Items
+from softlab.bench.measure.items import Finding
 from softlab.bench.store.database import Store
 from softlab.model.base.digest import source_digest
 from softlab.model.scene.scene import Scene
@@ -47,15 +47,12 @@ LAWS = {SPIN: ANGULAR_MOMENTUM, FLIGHT: ANGULAR_MOMENTUM, DROP: ENERGY}
 LAW_SUBSTEPS = (1, 4, 16)
 
 
-def items(store: Store, backends: Sequence[str], quick: bool) -> list[Experiment]:
+def items(store: Store, backends: Sequence[str], quick: bool) -> list[Finding]:
     """Return all experiments; `quick`: few values of each parameter."""
     return [one for backend in backends for one in experiments(backend, quick)]
 
 
-run_bar = Items("bar", items, "softlab bar")
-
-
-def experiments(backend: str, quick: bool = False) -> list[Experiment]:
+def experiments(backend: str, quick: bool = False) -> list[Finding]:
     """Return all experiments of a backend: strips, jelly bars, tetrahedra, laws."""
     files_digest = source_digest(*(Path(str(module.__file__)) for module in (bar_strip, bar_body, body_laws)))
     sources = f"{source_hash(backend)}-{files_digest}-b{VERSION}"
@@ -71,9 +68,9 @@ def _experiment(
     finding: str,
     run: Callable[[], Measures],
     fields: dict[str, object],
-) -> Experiment:
+) -> Finding:
     fields = {"precision": "float64", "math": "exact"} | fields
-    return Experiment(name, described(scene, backend, finding, **fields), sources, run)
+    return Finding(name, described(scene, backend, finding, **fields), sources, run)
 
 
 def _subset(values: Sequence[float], quick: bool) -> list[float]:
@@ -95,7 +92,7 @@ def settings(quick: bool = False) -> Iterator[tuple[str, int, int, int]]:
                 yield "shape-matching", int(links), FINEST, region
 
 
-def _strips(backend: str, sources: str, quick: bool) -> list[Experiment]:
+def _strips(backend: str, sources: str, quick: bool) -> list[Finding]:
     runs = []
     loads = {SAG: hang, FREQUENCY: swing, ACROSS: bend}
     for name, links, substeps, region in settings(quick):
@@ -121,7 +118,7 @@ def bodies(quick: bool = False) -> list[tuple[int, float, int]]:
     return list(dict.fromkeys(bars))
 
 
-def _bodies(backend: str, sources: str, quick: bool) -> list[Experiment]:
+def _bodies(backend: str, sources: str, quick: bool) -> list[Finding]:
     runs = []
     for layers, overlap, substeps in bodies(quick):
         fields = {"layers": layers, "overlap": overlap, "substeps": substeps}
@@ -140,7 +137,7 @@ def of_tetrahedra(quick: bool = False) -> list[tuple[str, int, int]]:
     return list(dict.fromkeys(bars))
 
 
-def _tetrahedra(backend: str, sources: str, quick: bool) -> list[Experiment]:
+def _tetrahedra(backend: str, sources: str, quick: bool) -> list[Finding]:
     """Return the experiments of all loads.
 
     Across, the rest state of Newton's method does not depend on the number of substeps, so one is enough.
@@ -159,7 +156,7 @@ def _tetrahedra(backend: str, sources: str, quick: bool) -> list[Experiment]:
     return runs
 
 
-def _laws(backend: str, sources: str, quick: bool) -> list[Experiment]:
+def _laws(backend: str, sources: str, quick: bool) -> list[Finding]:
     runs = []
     for law, name in LAWS.items():
         for substeps in _subset(LAW_SUBSTEPS, quick):

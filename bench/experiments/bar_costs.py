@@ -12,8 +12,6 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from rich.console import Console
-
 from softlab.app.driver import open_simulation
 from softlab.bench.experiments.bar import (
     LAW_SUBSTEPS,
@@ -32,10 +30,9 @@ from softlab.bench.measure import costs_timing
 from softlab.bench.measure.costs_timing import RATIO, SECONDS, Effort, Measures, Record, in_turn
 from softlab.bench.measure.experiment import described
 from softlab.bench.measure.items import Group, Items, cost_sources
-from softlab.bench.measure.tables import columns, print_table
 from softlab.bench.measure.timing import Subject, prepare
 from softlab.bench.store.database import Store
-from softlab.bench.store.results import Measure, by_configuration, measures
+from softlab.bench.store.results import Measure, by_configuration
 from softlab.bench.store.schema import tables_by_kind
 from softlab.model.base.errors import SoftlabError
 from softlab.model.scene.scene import Scene
@@ -68,9 +65,6 @@ def groups(store: Store, backends: Sequence[str], quick: bool) -> list[Group]:
         run = partial(_timed, scenes, descriptions, effort)
         all_groups.append(Group(f"costs, {backend}", descriptions, cost_sources(backend, __file__), run, 10))
     return all_groups
-
-
-run_bar_costs = Items("bar: costs", groups, "softlab bar")
 
 
 def _timed(
@@ -138,12 +132,22 @@ def costs(stored: Iterable[Measure]) -> list[Cost]:
     return sorted(result, key=lambda c: (c.backend, c.solver, c.substeps))
 
 
-def print_bar_costs(console: Console, store: Store, machine: str) -> None:
-    """Print a table of what was measured on a machine: time and error."""
-    lines = []
-    for one in costs(measures(store, machine=machine)):
-        off = ["-" if part is None else f"{100 * part:+.3g}" for part in (one.sag, one.frequency)]
-        lines.append((one.solver, one.backend, str(one.substeps), f"{1e3 * one.frame:.3g}{'?' * one.suspect}", *off))
-    if lines:
-        heads = columns(("solver", "on"), ("substeps", "frame / ms", "sag, % off", "frequency, % off"))
-        print_table(console, heads, lines, "what the bar costs, and how far it is off a rod; ?: suspect", title="costs")
+def _percent(error: float | None) -> str:
+    return "-" if error is None else f"{100 * error:+.3g}"
+
+
+class BarCosts(Items):
+    """Measure what the results of the bar cost."""
+
+    name, command = "bar: costs", "bar"
+    in_lab = True
+    items = staticmethod(groups)
+    table = {
+        "solver": "solver", "on": "backend", "substeps": lambda cost: str(cost.substeps),
+        "frame / ms": lambda cost: f"{1e3 * cost.frame:.3g}{'?' * cost.suspect}",
+        "sag, % off": lambda cost: _percent(cost.sag), "frequency, % off": lambda cost: _percent(cost.frequency),
+    }  # fmt: skip
+    note = "what the bar costs, and how far it is off a rod; ?: suspect"
+
+    def rows(self, stored: Iterable[Measure], every: bool = False) -> list[Cost]:
+        return costs(stored)

@@ -9,9 +9,10 @@ from typing import Any
 
 from rich.console import Console
 
-from softlab.bench.experiments.bar import BODY, ELEMENTS, LAW, STRIP
+from softlab.bench.experiments.bar import BODY, ELEMENTS, LAW, STRIP, items
 from softlab.bench.experiments.bar_body import rod_swing, standing_sag
 from softlab.bench.experiments.bar_strip import ACROSS, FREQUENCY, REFUSED, SAG, beam_tip, rod_frequency, rod_sag
+from softlab.bench.measure.items import Items
 from softlab.bench.measure.tables import columns, print_table
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import Measure, measures
@@ -114,3 +115,14 @@ def print_bar(console: Console, store: Store, machine: str) -> None:
         "softlab labbook describes it and the laws",
         soft_wrap=True,
     )
+
+
+class BarMaterial(Items):
+    """Compare sag, frequency and shear of one bar under every method with the theory of its material; also the cost."""
+
+    name = command = "bar"
+    example = "softlab bar --quick   (softlab bar --backend cpu)"
+    quick_help = "Few spacings, substeps and clusters, no bending, float64 only: under a minute on two cores."
+    in_lab = True
+    items = staticmethod(items)
+    show = staticmethod(print_bar)

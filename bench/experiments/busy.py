@@ -16,19 +16,16 @@ from functools import partial
 from itertools import product
 from typing import Any
 
-from rich.console import Console
-
 from softlab.app.driver import open_simulation
 from softlab.bench.measure.costs_timing import FULL, RATIO, SECONDS, Effort, Measures, Record, in_turn
 from softlab.bench.measure.costs_timing import QUICK as SHORT
+from softlab.bench.measure.declaration import Option
 from softlab.bench.measure.experiment import described
 from softlab.bench.measure.items import Group, Items, cost_sources
-from softlab.bench.measure.tables import print_table
 from softlab.bench.measure.timing import Subject, prepare
 from softlab.bench.store.database import Store
-from softlab.bench.store.results import Measure, measures
+from softlab.bench.store.results import Measure
 from softlab.cpu_backend.core.threads import core_count
-from softlab.model.base.errors import SceneError
 from softlab.model.scene.scene import load_scene
 
 FINDING = "busy"  # value of `finding`
@@ -102,35 +99,7 @@ def _measure(scene: Any, descriptions: Sequence[dict[str, Any]], effort: Effort,
         return in_turn(record, subjects, effort.repeats)
 
 
-def items(store: Store, backends: Sequence[str], quick: bool, scenes: Sequence[str] = ()) -> list[Group]:
-    """Return all groups; `quick`: two scenes, fewer and shorter samples; `scenes`: these instead.
-
-    Raises SceneError for a scene that is not in SCENES.
-    """
-    for name in scenes:
-        if name not in SCENES:
-            raise SceneError("--scene", name, f"must be one of {', '.join(SCENES)}")
-    return groups(SHORT if quick else FULL, scenes or (QUICK if quick else tuple(SCENES)))
-
-
-run_busy = Items(FINDING, items, "softlab busy", f"{FINDING}: ")
-
-
 # ---------------------------------------------------------------------- results from the store
-
-
-def print_busy(console: Console, store: Store, machine: str) -> None:
-    """Print a table of what was measured on a machine."""
-    rows = (
-        (
-            p.scene, p.kernel, p.beside, p.wait_policy, str(p.threads), f"{1e3 * p.one:.3g}", f"{1e3 * p.many:.3g}",
-            f"{p.ratio:.2f}",
-        )
-        for p in points(measures(store, machine=machine))
-    )  # fmt: skip
-    heads = "scene", "kernel", "beside", "waiting", "threads", "1 thread / ms", "threads / ms", "ratio"
-    below = "ratio: of a step's time on all threads over that on one, in the same company; medians"
-    print_table(console, heads, rows, below)
 
 
 @dataclass(frozen=True)
@@ -170,3 +139,27 @@ def points(stored: Iterable[Measure]) -> list[BusyPoint]:
             busy_points.append(BusyPoint(*place, most, one, many, ratio))
     order = list(BESIDE)
     return sorted(busy_points, key=lambda p: (p.machine, p.scene, p.kernel, order.index(p.beside)))
+
+
+class Busy(Items):
+    """Measure what another program on the machine costs CPU threads."""
+
+    name = command = FINDING
+    doing = f"{FINDING}: "
+    example = "softlab busy --quick   (softlab busy --scene soft-pile)"
+    quick_help = "Two scenes, fewer and shorter samples."
+    in_lab, on_backends = True, False
+    options = {"scenes": Option("--scene", "Only this scene. Repeatable.", values=tuple(SCENES), quick=QUICK)}
+    table = {
+        "scene": "scene", "kernel": "kernel", "beside": "beside", "waiting": "wait_policy", "threads": "threads",
+        "1 thread / ms": lambda point: f"{1e3 * point.one:.3g}", "threads / ms": lambda point: f"{1e3 * point.many:.3g}",
+        "ratio": lambda point: f"{point.ratio:.2f}",
+    }  # fmt: skip
+    note = "ratio: of a step's time on all threads over that on one, in the same company; medians"
+
+    def items(self, store: Store, backends: Sequence[str], quick: bool, scenes: Sequence[str]) -> list[Group]:
+        """Return a group for each scene, kernel and kind of program; `quick`: fewer and shorter samples."""
+        return groups(SHORT if quick else FULL, scenes)
+
+    def rows(self, stored: Iterable[Measure], every: bool = False) -> list[BusyPoint]:
+        return points(stored)

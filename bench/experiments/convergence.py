@@ -96,7 +96,12 @@ def groups(store: Store, backends: Sequence[str], quick: bool) -> list[Group]:
     return all_groups
 
 
-run_convergence = Items(CONVERGENCE, groups, "softlab accuracy", f"{CONVERGENCE}: ")
+class Convergence(Items):
+    """Measure how the orderings of a position-based solver converge, by iterations and by time."""
+
+    name, command, doing = CONVERGENCE, "accuracy", f"{CONVERGENCE}: "
+    in_lab = True
+    items = staticmethod(groups)
 
 
 def _orderings(

@@ -13,7 +13,7 @@ import numpy as np
 from softlab.app.driver import open_simulation
 from softlab.bench.measure.costs_timing import Measures
 from softlab.bench.measure.experiment import described, source_hash
-from softlab.bench.measure.items import Experiment
+from softlab.bench.measure.items import Finding
 from softlab.model.core.build import rest_positions
 from softlab.model.core.simulation import State
 from softlab.model.position_based.mesh_constraints import mesh_energy
@@ -88,7 +88,7 @@ def at_rest(diagonals: str, backend: str) -> State:
         return simulation.state()
 
 
-def experiments(backend: str) -> list[Experiment]:
+def experiments(backend: str) -> list[Finding]:
     """Return one experiment for each triangulation on the backend."""
     all_experiments = []
     for diagonals in DIAGONALS:
@@ -103,5 +103,5 @@ def experiments(backend: str) -> list[Experiment]:
             }
 
         description = described(scene, backend, FINDING, precision="float64", diagonals=diagonals)
-        all_experiments.append(Experiment(BIAS, description, f"{source_hash(backend)}-discretisation-1", measure))
+        all_experiments.append(Finding(BIAS, description, f"{source_hash(backend)}-discretisation-1", measure))
     return all_experiments

@@ -13,25 +13,21 @@ the next.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from rich.console import Console
 
-from softlab.bench.measure.case_timing import Case, RatePoint, Rates, make_case
+from softlab.bench.measure.case_timing import Case, Rates, make_case
+from softlab.bench.measure.declaration import Option
 from softlab.bench.measure.tables import columns, print_table
 from softlab.bench.store.database import Store
-from softlab.bench.store.results import Measure, measures
+from softlab.bench.store.results import measures
 from softlab.model.core.options import PRECISIONS
 from softlab.model.formulas.constraints import tetrahedron
 from softlab.model.scene.scene import Scene
 
-STAGE = "tetrahedra_projections"  # stage of the samples in the store
-STEP = "tetrahedra_projection_step"  # s: the median of a step
-RATE = "tetrahedra_projections_per_second"  # 1/s
-KERNEL = "tetrahedra_projection_kernel"  # the name of the kernel is stored as the reason
 BARS = {
     400: (20, 2, 2),
     3200: (40, 4, 4),
@@ -70,11 +66,6 @@ def count_of(scene: Scene) -> int:
     return PER_VOXEL * int(np.prod(np.round(np.array(sides) / edge)))
 
 
-def projections_of(scene: Scene) -> int:
-    """Return the number of projections per step."""
-    return count_of(scene) * scene.method.substeps * scene.method.iterations
-
-
 def moved_bytes(sweep: str, precision: str) -> float:
     """Return the bytes that a tetrahedron moves.
 
@@ -92,53 +83,65 @@ def operations(material: str, precision: str) -> int:
     return tetrahedron.operations(tetrahedron.MATERIALS.index(material), item)
 
 
-def groups(backends: Sequence[str], quick: bool, precisions: Sequence[str]) -> list[list[Case]]:
-    """Return the groups timed in turn: all cases of a bar on a backend. `quick`: two bars, one material."""
-    all_groups = []
-    for backend in backends:
-        large = LARGE if backend == "gpu" else FREE
-        for count in QUICK_BARS if quick else (*BARS, *SWEPT, *large):
-            scenes = [
-                bar(count, sweep, material)
-                for material in (QUICK_MATERIALS if quick or (backend == "cpu" and count in FREE) else MATERIALS)
-                for sweep in (SWEEPS if count <= MOST_FREE else SWEEPS[:1])
-            ]
-            all_groups.append([make_case(s, backend, p, f"{count} tetrahedra") for p in precisions for s in scenes])
-    return all_groups
+class ElementProjections(Rates):
+    """Measure how many tetrahedra per second the position-based solver projects."""
 
+    name, command, stage = "projections", "projections", "tetrahedra_projections"
+    switch = Option("--tetrahedra", "Measure bars of tetrahedra instead of sheets.", bool)
+    step, rate = "tetrahedra_projection_step", "tetrahedra_projections_per_second"
+    kernel = "tetrahedra_projection_kernel"
+    fields = {
+        "tetrahedra": lambda row: count_of(row.scene),
+        "material": lambda row: row.scene.tetrahedra["bar"].material,
+        "sweep": lambda row: row.scene.tetrahedra["bar"].sweep,
+        "substeps": lambda row: row.scene.method.substeps,
+    }
+    order = ("backend", "tetrahedra", "precision", "material", "sweep")
 
-RATES = run_element_projections = Rates("projections", STAGE, STEP, RATE, KERNEL, projections_of, groups)
+    def work(self, scene: Scene) -> float:
+        """Return the number of projections per step."""
+        return count_of(scene) * scene.method.substeps * scene.method.iterations
 
+    def groups(self, backends: Sequence[str], quick: bool, precisions: Sequence[str]) -> list[list[Case]]:
+        """Return the groups timed in turn: all cases of a bar on a backend. `quick`: two bars, one material."""
+        all_groups = []
+        for backend in backends:
+            large = LARGE if backend == "gpu" else FREE
+            for count in QUICK_BARS if quick else (*BARS, *SWEPT, *large):
+                scenes = [
+                    bar(count, sweep, material)
+                    for material in (QUICK_MATERIALS if quick or (backend == "cpu" and count in FREE) else MATERIALS)
+                    for sweep in (SWEEPS if count <= MOST_FREE else SWEEPS[:1])
+                ]
+                all_groups.append([make_case(s, backend, p, f"{count} tetrahedra") for p in precisions for s in scenes])
+        return all_groups
 
-# ---------------------------------------------------------------------- results from the store
-
-
-def print_element_projections(console: Console, store: Store, machine: str) -> None:
-    """Print a table of what was timed on a machine."""
-    rows, speeds = [], copied(store, machine)
-    for p in points(measures(store, machine=machine)):
-        moved, done = moved_bytes(p.sweep, p.precision), operations(p.material, p.precision)
-        limit = speeds.get(p.backend)
-        rows.append((
-            str(p.tetrahedra), p.material, p.sweep, f"{p.backend}, {p.kernel}", f"{1e3 * p.step:.3g}", str(p.substeps),
-            f"{p.rate / 1e6:.4g}", f"{moved * p.rate / 1e9:.3g}", f"{moved * p.rate / limit:.0%}" if limit else "-",
-            f"{done * p.rate / 1e9:.3g}",
-        ))  # fmt: skip
-    heads = columns(
-        ("tetrahedra", "material", "sweep", "kernel"),
-        ("step, ms", "substeps", "million / s", "GB / s", "of memory", "Gflop / s"),
-    )
-    limits = []
-    for sweep in SWEEPS:
-        by_memory = STREAM_H200 / moved_bytes(sweep, "float32") / 1e9
-        limits.append(f"{by_memory:.0f} of {sweep}")
-    by_work = ", ".join(f"{HALF_H200 / operations(m, 'float32') / 1e9:.0f} ({m})" for m in MATERIALS)
-    print_table(
-        console, heads, rows,
-        "million / s: tetrahedra projected; GB / s, Gflop / s: what they read, write and compute at that rate; of "
-        "memory: of the copy bandwidth measured here, over which a cache serves them. An H200's "
-        f"limits in float32, billion/s: by memory {', '.join(limits)}, by half its arithmetic {by_work}",
-    )  # fmt: skip
+    def show(self, console: Console, store: Store, machine: str) -> None:
+        """Print a table of what was timed on a machine."""
+        rows, speeds = [], copied(store, machine)
+        for p in self.rows(measures(store, machine=machine)):
+            moved, done = moved_bytes(p.sweep, p.precision), operations(p.material, p.precision)
+            limit = speeds.get(p.backend)
+            rows.append((
+                str(p.tetrahedra), p.material, p.sweep, f"{p.backend}, {p.kernel}", f"{1e3 * p.step:.3g}", str(p.substeps),
+                f"{p.rate / 1e6:.4g}", f"{moved * p.rate / 1e9:.3g}", f"{moved * p.rate / limit:.0%}" if limit else "-",
+                f"{done * p.rate / 1e9:.3g}",
+            ))  # fmt: skip
+        heads = columns(
+            ("tetrahedra", "material", "sweep", "kernel"),
+            ("step, ms", "substeps", "million / s", "GB / s", "of memory", "Gflop / s"),
+        )
+        limits = []
+        for sweep in SWEEPS:
+            by_memory = STREAM_H200 / moved_bytes(sweep, "float32") / 1e9
+            limits.append(f"{by_memory:.0f} of {sweep}")
+        by_work = ", ".join(f"{HALF_H200 / operations(m, 'float32') / 1e9:.0f} ({m})" for m in MATERIALS)
+        print_table(
+            console, heads, rows,
+            "million / s: tetrahedra projected; GB / s, Gflop / s: what they read, write and compute at that rate; of "
+            "memory: of the copy bandwidth measured here, over which a cache serves them. An H200's "
+            f"limits in float32, billion/s: by memory {', '.join(limits)}, by half its arithmetic {by_work}",
+        )  # fmt: skip
 
 
 def copied(store: Store, machine: str) -> dict[str, float]:
@@ -147,25 +150,3 @@ def copied(store: Store, machine: str) -> dict[str, float]:
     record = json.loads(rows[0][0]) if rows else {}
     bandwidths = {"cpu": record.get("copy_bandwidth"), "gpu": record.get("gpu_copy_bandwidth")}
     return {backend: float(speed) for backend, speed in bandwidths.items() if speed}
-
-
-@dataclass(frozen=True)
-class ElementPoint(RatePoint):
-    """One bar; `sweep`: one of SWEEPS."""
-
-    tetrahedra: int
-    material: str
-    sweep: str
-    substeps: int
-
-
-def points(stored: Iterable[Measure]) -> list[ElementPoint]:
-    """Return the points from the measures, smallest bars first."""
-    element_points = []
-    for _, scene, point in RATES.results(stored):
-        body = scene.tetrahedra["bar"]
-        element_points.append(
-            ElementPoint(**vars(point), tetrahedra=count_of(scene), material=body.material, sweep=body.sweep,
-                         substeps=scene.method.substeps)
-        )  # fmt: skip
-    return sorted(element_points, key=lambda p: (p.backend, p.tetrahedra, p.precision, p.material, p.sweep))

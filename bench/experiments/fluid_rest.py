@@ -17,12 +17,13 @@ from typing import Any
 import numpy as np
 from rich.console import Console
 
-from softlab.bench.experiments.fluid_truth.experiment import BESIDE, FINDING, LABELS, Run, opened
+from softlab.bench.experiments.fluid_truth.experiment import BESIDE, BESIDE_PEERS, FINDING, LABELS, Run, opened
 from softlab.bench.experiments.fluid_truth.scenes import SCHEMES, Setting
 from softlab.bench.experiments.fluids import FRAME
 from softlab.bench.measure.costs_timing import Measures
+from softlab.bench.measure.declaration import Option
 from softlab.bench.measure.experiment import source_hash
-from softlab.bench.measure.items import Experiment, Items
+from softlab.bench.measure.items import Finding, Items
 from softlab.bench.measure.tables import columns, print_table
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import Measure, by_configuration, measures
@@ -148,7 +149,7 @@ def settings(quick: bool) -> Iterator[tuple[Setting, float]]:
                     yield Setting(kind, make(scheme, substeps, spacing, viscosity), beside), seconds
 
 
-def experiments(store: Store, backends: Sequence[str], quick: bool, peers: bool = False) -> list[Experiment]:
+def experiments(store: Store, backends: Sequence[str], quick: bool, peers: bool = False) -> list[Finding]:
     """Return an experiment for each setting, the peer's last, on one thread: no state depends on how many there are.
 
     Raises BackendUnavailable for a peer that is not here."""
@@ -167,11 +168,8 @@ def experiments(store: Store, backends: Sequence[str], quick: bool, peers: bool 
             scene = run.setting.scene
             worth = scene.fluid_set.particle_count * scene.method.substeps * round(seconds)
             measure = partial(_measured, run, seconds)
-            all_experiments.append(Experiment(f"{SPEED}{seconds:g}", run.description, sources, measure, worth))
+            all_experiments.append(Finding(f"{SPEED}{seconds:g}", run.description, sources, measure, worth))
     return all_experiments
-
-
-run_rest = Items("fluids: rest", experiments, "softlab fluids --rest", "watching: ")
 
 
 # ---------------------------------------------------------------------- results
@@ -255,3 +253,15 @@ def print_rest(console: Console, store: Store, machine: str) -> None:
             print_table(console, heads, lines, below, title=kind)
     for note in dict.fromkeys(f"{r.who}: {r.note}" for r in still if r.note):
         console.print(note, highlight=False, soft_wrap=True)
+
+
+class FluidRest(Items):
+    """Measure how still water at rest stays."""
+
+    name, command, doing = "fluids: rest", "fluids", "watching: "
+    switch = Option(
+        "--rest", "Measure energy and rms speed of water at rest over 60 s (--quick: one spacing, 10 s) instead.", bool
+    )
+    options = {"peers": BESIDE_PEERS}
+    items = staticmethod(experiments)
+    show = staticmethod(print_rest)

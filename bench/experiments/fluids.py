@@ -11,8 +11,7 @@ turn with `macklin`; it has two solves per substep, and an iteration of either c
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from typing import Any
 
 from rich.console import Console
@@ -20,20 +19,15 @@ from rich.console import Console
 from softlab.app.plan.measure import measure_stages
 from softlab.bench.experiments.vessels import basin_area, in_basin, pouring
 from softlab.bench.measure import experiment
-from softlab.bench.measure.case_timing import Case, RatePoint, Rates, Summary, make_case
+from softlab.bench.measure.case_timing import Case, Rates, Row, Summary, make_case
 from softlab.bench.measure.costs_timing import Measures
 from softlab.bench.measure.tables import columns, print_table
 from softlab.bench.store.database import Store
-from softlab.bench.store.results import Measure, measures
+from softlab.bench.store.results import measures
 from softlab.model.fluid.plan import fluid_plan, neighbours_at_rest
 from softlab.model.scene.checks.fluids import particle_count
 from softlab.model.scene.scene import Scene, load_scene
 
-STAGE = "fluids"  # stage of the samples in the store
-STEP = "fluid_step"  # s: the median of a frame
-# particles x substeps x iterations (of both solves, if there are two), 1/s
-RATE = "fluid_particle_iterations_per_second"
-KERNEL = "fluid_kernel"  # the name of the kernel is stored as the reason
 SCHEMES = ("macklin", "divergence-free")
 PHASES = ("predict", "sort into cells", "find neighbours", "density", "correct", "update velocity", "limit velocities")
 FREE_PHASES = (
@@ -78,12 +72,6 @@ def count_of(scene: Scene) -> int:
     return particle_count(scene.fluids)
 
 
-def particle_iterations(scene: Scene) -> int:
-    """Return particles x iterations per frame."""
-    solves = 2 if scene.method.scheme == "divergence-free" else 1
-    return count_of(scene) * scene.method.substeps * scene.method.iterations * solves
-
-
 def moved_bytes(phase: str, neighbours: float) -> float:
     """Return the bytes per particle with that many `neighbours` in float32, if only neighbours' positions are cached.
 
@@ -111,22 +99,6 @@ def moved_bytes(phase: str, neighbours: float) -> float:
 def operations(scene: Scene, phase: str) -> int:
     """Return the floating-point operations of a stage per particle."""
     return next(stage.operations for stage in fluid_plan(scene).root.stages() if stage.name == phase)
-
-
-def groups(backends: Sequence[str], quick: bool, precisions: Sequence[str]) -> list[list[Case]]:
-    """Return the groups timed in turn: schemes and precisions of a pool on a backend, and of a cup that pours.
-
-    `quick`: two small pools only.
-    """
-    all_groups = []
-    for backend in backends:
-        for count in QUICK if quick else (*POOLS, *(LARGE if backend == "gpu" else ())):
-            variants = [(scheme, precision) for scheme in SCHEMES for precision in precisions]
-            cases = [make_case(pool(count, one), backend, p, f"{count} particles, {one}") for one, p in variants]
-            all_groups.append(cases)
-        if not quick:
-            all_groups.append([make_case(load_scene(POUR), backend, p, "a cup that pours") for p in precisions])
-    return all_groups
 
 
 def phase_name(phase: str) -> str:
@@ -164,9 +136,55 @@ def phase_times(case: Case) -> Measures:
     return {phase_name(s.name): (taken, "s", "alone") for s, taken in zip(stages, times.seconds, strict=False)}
 
 
-@dataclass(frozen=True)
-class FluidRates(Rates):
-    """Rates of frames, measured after the stages of each case."""
+def _phases(row: Row) -> dict[str, float]:
+    names = {phase_name(phase): phase for phase in (*PHASES, *FREE_PHASES)}
+    return {names[name]: one.value or 0.0 for name, one in row.measures.items() if name in names}
+
+
+def _fractions(row: Row) -> dict[str, float]:
+    cup = (IN_CUP, IN_BASIN, LEVEL)
+    return {name: one.value or 0.0 for name, one in row.measures.items() if name.startswith(cup)}
+
+
+class Fluids(Rates):
+    """Measure particles per second of fluids and the time of each stage, or (--truth) their errors, or (--rest) how still
+    they stay."""
+
+    name = command = stage = "fluids"
+    example = "softlab fluids --quick   (softlab fluids --truth --peers)"
+    quick_help = "Only pools of 1000 and 8000 particles, fewer repeats."
+    step, kernel = "fluid_step", "fluid_kernel"
+    rate = (
+        "fluid_particle_iterations_per_second"  # particles x substeps x iterations (of both solves, if there are two)
+    )
+    fields = {
+        "particles": lambda row: count_of(row.scene),
+        "scheme": lambda row: row.scene.method.scheme,
+        "other_scheme": lambda row: row.scheme != SCHEMES[0],
+        "phases": _phases,  # s: times of single stages, by name
+        "fractions": _fractions,  # the measures of the cup, by name
+    }
+    order = ("backend", "precision", "other_scheme", "particles")
+
+    def work(self, scene: Scene) -> float:
+        """Return particles x iterations per frame."""
+        solves = 2 if scene.method.scheme == "divergence-free" else 1
+        return count_of(scene) * scene.method.substeps * scene.method.iterations * solves
+
+    def groups(self, backends: Sequence[str], quick: bool, precisions: Sequence[str]) -> list[list[Case]]:
+        """Return the groups timed in turn: schemes and precisions of a pool on a backend, and of a cup that pours.
+
+        `quick`: two small pools only.
+        """
+        all_groups = []
+        for backend in backends:
+            for count in QUICK if quick else (*POOLS, *(LARGE if backend == "gpu" else ())):
+                variants = [(scheme, precision) for scheme in SCHEMES for precision in precisions]
+                cases = [make_case(pool(count, one), backend, p, f"{count} particles, {one}") for one, p in variants]
+                all_groups.append(cases)
+            if not quick:
+                all_groups.append([make_case(load_scene(POUR), backend, p, "a cup that pours") for p in precisions])
+        return all_groups
 
     def _time(self, store: Store, summary: Summary, group: Sequence[Case], repeats: int) -> None:
         for case in group:
@@ -174,85 +192,43 @@ class FluidRates(Rates):
             experiment.store_measures(store, summary.run, case.description, case.sources, numbers)
         super()._time(store, summary, group, repeats)
 
-
-RATES = run_fluids = FluidRates("fluids", STAGE, STEP, RATE, KERNEL, particle_iterations, groups)
-
-
-# ---------------------------------------------------------------------- results from the store
-
-
-@dataclass(frozen=True)
-class FluidPoint(RatePoint):
-    """One pool, or a cup that pours.
-
-    `phases` [s]: times of single stages, by name; `fractions`: the measures of the cup, by name.
-    """
-
-    particles: int
-    scheme: str
-    phases: dict[str, float]
-    fractions: dict[str, float]
-
-
-def points(stored: Iterable[Measure], every: bool = False) -> list[FluidPoint]:
-    """Return the points from the measures, smallest first; with `every`, incomplete ones too."""
-    everything = list(stored)
-    alone: dict[str, dict[str, float]] = {}
-    fractions: dict[str, dict[str, float]] = {}
-    phases = {phase_name(phase): phase for phase in (*PHASES, *FREE_PHASES)}
-    for measure in everything:
-        if measure.name in phases:
-            alone.setdefault(_key(measure), {})[phases[measure.name]] = measure.value or 0.0
-        if measure.name.startswith((IN_CUP, IN_BASIN, LEVEL)):
-            fractions.setdefault(_key(measure), {})[measure.name] = measure.value or 0.0
-    fluid_points = []
-    for by_name, scene, point in RATES.results(everything, every):
-        key = _key(by_name[RATE])
-        about: dict[str, Any] = {"particles": count_of(scene), "scheme": scene.method.scheme}
-        cup = fractions.get(key, {})
-        fluid_points.append(FluidPoint(**vars(point), **about, phases=alone.get(key, {}), fractions=cup))
-    return sorted(fluid_points, key=lambda p: (p.backend, p.precision, p.scheme != SCHEMES[0], p.particles))
-
-
-def _key(measure: Measure) -> str:
-    return f"{measure.machine} {measure.description}"
-
-
-def print_fluids(console: Console, store: Store, machine: str) -> None:
-    """Print tables of what was timed on a machine: frames, single stages, and a cup that poured."""
-    timed = points(measures(store, machine=machine), every=True)
-    rows = [
-        (
-            str(p.particles), p.scheme, f"{p.backend}, {p.kernel}", p.precision, f"{1e3 * p.step:.4g}{'?' * p.incomplete}",
-            f"{p.rate / 1e6:.4g}",
+    def show(self, console: Console, store: Store, machine: str) -> None:
+        """Print tables of what was timed on a machine: frames, single stages, and a cup that poured."""
+        timed = self.rows(measures(store, machine=machine), every=True)
+        rows = [
+            (
+                str(p.particles), p.scheme, f"{p.backend}, {p.kernel}", p.precision,
+                f"{1e3 * p.step:.4g}{'?' * p.incomplete}", f"{p.rate / 1e6:.4g}",
+            )
+            for p in timed
+        ]  # fmt: skip
+        heads = columns(("particles", "scheme", "kernel", "precision"), ("frame, ms", "million / s"))
+        note = (
+            "million / s: particles times substeps times iterations (of divergence-free both solves'), searches included; "
+            "?: incomplete"
         )
-        for p in timed
-    ]  # fmt: skip
-    heads = columns(("particles", "scheme", "kernel", "precision"), ("frame, ms", "million / s"))
-    note = (
-        "million / s: particles times substeps times iterations (of divergence-free both solves'), searches included; "
-        "?: incomplete"
-    )
-    print_table(console, heads, rows, note)
-    stages: list[tuple[str, ...]] = []
-    for p in (p for p in timed if p.phases):  # pools
-        scene = pool(p.particles, p.scheme)
-        neighbours = neighbours_at_rest(scene)
-        for phase, taken in p.phases.items():
-            moved, done = moved_bytes(phase, neighbours) * p.particles, operations(scene, phase) * p.particles
-            least = max(moved / STREAM_H200, done / HALF_H200)
-            stages.append((
-                str(p.particles), p.scheme, p.backend, phase, f"{1e6 * taken:.4g}", f"{1e9 * taken / p.particles:.3g}",
-                f"{moved / taken / 1e9:.3g}", f"{done / taken / 1e9:.3g}", f"{1e6 * least:.3g}",
-            ))  # fmt: skip
-    numbers = "us", "ns a particle", "GB / s", "Gflop / s", "least on an H200, us"
-    heads = columns(("particles", "scheme", "backend", "stage alone"), numbers)
-    limits = "least: by 4.0 TB/s measured of memory or 31 TFLOP/s, half of its arithmetic, neighbours' positions cached"
-    print_table(console, heads, stages, limits)
-    _print_poured(console, timed)
+        print_table(console, heads, rows, note)
+        stages: list[tuple[str, ...]] = []
+        for p in (p for p in timed if p.phases):  # pools
+            scene = pool(p.particles, p.scheme)
+            neighbours = neighbours_at_rest(scene)
+            for phase, taken in p.phases.items():
+                moved, done = moved_bytes(phase, neighbours) * p.particles, operations(scene, phase) * p.particles
+                least = max(moved / STREAM_H200, done / HALF_H200)
+                stages.append((
+                    str(p.particles), p.scheme, p.backend, phase, f"{1e6 * taken:.4g}", f"{1e9 * taken / p.particles:.3g}",
+                    f"{moved / taken / 1e9:.3g}", f"{done / taken / 1e9:.3g}", f"{1e6 * least:.3g}",
+                ))  # fmt: skip
+        numbers = "us", "ns a particle", "GB / s", "Gflop / s", "least on an H200, us"
+        heads = columns(("particles", "scheme", "backend", "stage alone"), numbers)
+        limits = (
+            "least: by 4.0 TB/s measured of memory or 31 TFLOP/s, half of its arithmetic, neighbours' positions cached"
+        )
+        print_table(console, heads, stages, limits)
+        _print_poured(console, timed)
 
 
-def _print_poured(console: Console, timed: Sequence[FluidPoint]) -> None:
+def _print_poured(console: Console, timed: Sequence[Row]) -> None:
     rows: list[tuple[str, ...]] = []
     for p in timed:
         for name, value in p.fractions.items():

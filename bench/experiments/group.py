@@ -10,7 +10,8 @@ import math
 import statistics
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
+from typing import Protocol, TypeVar
 
 from softlab.app.driver import open_simulation
 from softlab.bench.experiments.checks import FULL_SIZE_STEPS, Check, against_other, against_reference
@@ -25,8 +26,27 @@ from softlab.cpu_backend.core.threads import thread_count
 from softlab.model.base.errors import Diverged, SoftlabError
 from softlab.model.core.simulation import Simulation
 
+
+class Closable(Protocol):
+    """Whatever was opened."""
+
+    def close(self) -> None: ...
+
+
+Closed = TypeVar("Closed", bound=Closable)
 DRAWN_BY = "drawn_by"  # a measure: renderer, picture and way, as its reason
 PICTURE = (800, 600)  # pixels of what is drawn off-screen: the grid alone, no text
+
+
+def close_quietly(stack: ExitStack, opened: Closed) -> Closed:
+    """Close what was opened with the stack; a device that failed while stepping fails again, for a reason that is stored."""
+
+    def close() -> None:
+        with suppress(Exception):
+            opened.close()
+
+    stack.callback(close)
+    return opened
 
 
 class GroupRunner:
@@ -62,7 +82,7 @@ class GroupRunner:
                     try:
                         simulations[kind] = self._open(case, stack)
                     except self.refusals as error:
-                        refused[kind] = str(error) or type(error).__name__
+                        refused[kind] = self._reason(case, error)
                         self._diverged(case, error)
                 if kind in refused:
                     record_skip(self.store, self.summary, case, refused[kind])
@@ -79,7 +99,7 @@ class GroupRunner:
         begin = time.perf_counter()
         simulation = self._enter(case, stack)
         first = time.perf_counter() - begin + self._first_steps(simulation)
-        variant = (case.backend, case.precision, simulation.kernel)
+        variant = self._variant(case, simulation)
         if variant not in self._compiled:
             self._compiled.add(variant)
             begin = time.perf_counter()
@@ -95,6 +115,13 @@ class GroupRunner:
     def _enter(self, case: Case, stack: ExitStack) -> Simulation:
         """The simulation of a case, closed with the stack."""
         return stack.enter_context(case.open())
+
+    def _variant(self, case: Case, simulation: Simulation) -> Kind:
+        """Return the key of simulations that share machine code."""
+        return (case.backend, case.precision, simulation.kernel)
+
+    def _reason(self, case: Case, error: BaseException) -> str:
+        return str(error) or type(error).__name__
 
     @staticmethod
     def _first_steps(simulation: Simulation) -> float:
@@ -171,6 +198,8 @@ class GroupRunner:
         renderer: Renderer | str | None = None
         subjects = []
         for case in cases:
+            if case.simulation_kind not in simulations:
+                continue  # it failed its check
             if case.graphics and renderer is None:
                 renderer = self._renderer(case, stack)
             if case.graphics and isinstance(renderer, str):
@@ -194,7 +223,7 @@ class GroupRunner:
                 choose_steps(subject, self.effort.min_seconds, most)
             except self.refusals as error:
                 self._diverged(case, error)
-                record_skip(self.store, self.summary, case, str(error) or type(error).__name__)
+                record_skip(self.store, self.summary, case, self._reason(case, error))
                 continue
             subjects.append(subject)
         return subjects
@@ -216,13 +245,18 @@ class GroupRunner:
     def _interleaved(self, subjects: Sequence[Subject], wanted: Sequence[int]) -> Iterator[tuple[Subject, Sample]]:
         return interleaved(subjects, wanted, self._neighbours, self.effort.again)
 
+    def _wanted(self, subjects: Sequence[Subject]) -> list[int]:
+        """Return the number of samples that each subject lacks."""
+        machine, cases = self.summary.machine, [subject.name for subject in subjects]
+        return [
+            self.effort.repeats_of(case) - self.store.sample_count(case.description, machine, case.sources)
+            for case in cases
+        ]
+
     def _sample(self, subjects: Sequence[Subject], warnings: dict[Kind, str]) -> None:
         """Sample the subjects in turn; each sample is on disk before the next one starts."""
         summary, store = self.summary, self.store
-        wanted = [
-            self.effort.repeats_of(s.name) - store.sample_count(s.name.description, summary.machine, s.name.sources)
-            for s in subjects
-        ]
+        wanted = self._wanted(subjects)
         taken: dict[int, list[float]] = {id(subject): [] for subject in subjects}
         samples = self._interleaved(subjects, wanted)
         for subject, sample in stored_samples(

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 from typing import Any
 
 from softlab.app.driver import open_simulation
 from softlab.bench.experiments.checks import FULL_SIZE_STEPS, Check, against_reference, compare, displaced
-from softlab.bench.experiments.group import GroupRunner
+from softlab.bench.experiments.group import GroupRunner, close_quietly
 from softlab.bench.measure.cases import Case, Kind, record_skip
 from softlab.bench.measure.energy import STAGE, Counter, energy_counter, measure_energy, power_limit
 from softlab.bench.measure.timing import Sample, Subject
@@ -69,18 +69,9 @@ class KernelRunner(GroupRunner):
                 self.report(f"{case}: the backend's own choice fails: {error}")
             else:
                 self._defaults[variant] = first.kernel
-                self._opened[variant, first.kernel] = self._closed_with(stack, first)
+                self._opened[variant, first.kernel] = close_quietly(stack, first)
         opened = self._opened.pop((variant, case.kernel), None)
-        return opened or self._closed_with(stack, case.open())
-
-    @staticmethod
-    def _closed_with(stack: ExitStack, simulation: Simulation) -> Simulation:
-        def close() -> None:
-            with suppress(Exception):  # a device that broke while stepping breaks here again; the reason is stored
-                simulation.close()
-
-        stack.callback(close)
-        return simulation
+        return opened or close_quietly(stack, case.open())
 
     # ------------------------------------------------------------------ checking
 
@@ -137,9 +128,6 @@ class KernelRunner(GroupRunner):
         record_skip(self.store, self.summary, case, f"{type(error).__name__}: {error}")
 
     # ------------------------------------------------------------------ timing
-
-    def _subjects(self, cases: Sequence[Case], simulations: Any, stack: ExitStack) -> list[Subject]:
-        return super()._subjects([case for case in cases if case.simulation_kind in simulations], simulations, stack)
 
     def _interleaved(self, subjects: Sequence[Subject], wanted: Sequence[int]) -> Iterator[tuple[Subject, Sample]]:
         broken: set[int] = set()

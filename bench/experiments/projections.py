@@ -9,26 +9,16 @@ bench/measure/case_timing.py.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Sequence
 
-from rich.console import Console
-
-from softlab.bench.measure.case_timing import Case, RatePoint, Rates, make_case
-from softlab.bench.measure.tables import columns, print_table
-from softlab.bench.store.database import Store
+from softlab.bench.measure import words
+from softlab.bench.measure.case_timing import Case, Rates, Row, make_case
+from softlab.bench.measure.declaration import PRECISION, Lines, Option, Part, Sentence
 from softlab.bench.store.published import PUBLISHED
-from softlab.bench.store.results import Measure, measures
-from softlab.bench.store.schema import canonical
 from softlab.model.base.errors import SceneError
 from softlab.model.position_based.plan import constraint_count
 from softlab.model.scene.scene import Scene, load_scene
 
-STAGE = "projections"  # stage of the samples in the store
-STEP = "projection_step"  # s: the median of a step
-RATE = "projections_per_second"  # 1/s
-KERNEL = "projection_kernel"  # the name of the kernel is stored as the reason
 SIZES = (32, 64, 128, 256, 512)  # rows and columns
 QUICK_SIZES = (32, 128)
 MOST = 32768  # rows and columns: 10⁹ masses
@@ -37,12 +27,9 @@ QUICK_NEIGHBOURS = (4, 12)
 NEIGHBOURS = {4: ("structural",), 8: ("structural", "shear"), 12: ("structural", "shear", "bending")}
 ORDERINGS = ("gauss-seidel", "jacobi")
 BUDGETS = ((10, 10), (10, 1))  # substeps, iterations
+SUBSTEPS, QUOTED = 10, 256  # of the figure; rows and columns of the sheet whose rates are quoted
+NAMES = {"gauss-seidel": "coloured Gauss-Seidel", "jacobi": "Jacobi"}
 QUICK_BUDGETS = BUDGETS[:1]  # a single iteration is machine code of its own
-
-
-def projections_of(scene: Scene) -> int:
-    """Return the number of projections per step."""
-    return constraint_count(scene) * scene.method.substeps * scene.method.iterations
 
 
 def label_of(scene: Scene) -> str:
@@ -73,94 +60,131 @@ def case_of(scene: Scene, backend: str, precision: str) -> Case:
     return make_case(scene, backend, precision, label_of(scene))
 
 
-def groups(
-    backends: Sequence[str], quick: bool, precisions: Sequence[str], sizes: Iterable[int] | None = None
-) -> list[list[Case]]:
-    """Return the groups timed in turn: all cases of a size and backend; then the published scenes.
-
-    `sizes`: only these. `quick`: two sizes, 4 and 12 neighbours, ten iterations, no published scene. Raises SceneError
-    for an impossible size.
-    """
-    for size in sizes or ():
-        if size < 2:
-            raise SceneError("--size", size, "must be at least 2: a sheet without springs has nothing to project")
-        if size > MOST:
-            raise SceneError("--size", size, f"must be at most {MOST}")
-    all_groups = []
-    for backend in backends:
-        usual = QUICK_SIZES if quick else (*SIZES, *(LARGE if backend == "gpu" else ()))
-        for size in tuple(sizes) if sizes is not None else usual:
-            all_groups.append(
-                [
-                    case_of(sheet(size, neighbours, ordering, *budget), backend, precision)
-                    for precision in precisions
-                    for neighbours in (QUICK_NEIGHBOURS if quick else NEIGHBOURS)
-                    for budget in (QUICK_BUDGETS if quick else BUDGETS)
-                    for ordering in ORDERINGS
-                ]
-            )
-        if sizes is None and not quick:
-            all_groups += [[case_of(entry.ours(), backend, precisions[0])] for entry in PUBLISHED]
-    return all_groups
+def _square(row: Row) -> bool:
+    return row.rows == row.columns and row.substeps == SUBSTEPS
 
 
-RATES = run_projections = Rates("projections", STAGE, STEP, RATE, KERNEL, projections_of, groups)
+# ---------------------------------------------------------------------- sentences
 
 
-# ---------------------------------------------------------------------- results from the store
+def rates(rows: Sequence[Row]) -> Part | None:
+    """Projections per second of both orderings at one size."""
+    quoted = {
+        row.ordering: row.rate for row in reversed(rows)
+        if _square(row) and (row.rows, row.neighbours, row.iterations) == (QUOTED, 4, 1)
+    }  # fmt: skip
+    texts = [
+        f"{name} does {words.number(quoted[ordering] / 1e6)} million projections a second"
+        for ordering, name in NAMES.items()
+        if ordering in quoted
+    ]
+    return (words.listed(texts), {name: quoted[name] for name in NAMES if name in quoted}) if texts else None
 
 
-def print_projections(console: Console, store: Store, machine: str) -> None:
-    """Print a table of what was timed on a machine."""
-    rows = (
-        (
-            f"{p.rows} x {p.columns}", str(p.neighbours), p.ordering, f"{p.backend}, {p.kernel}",
-            f"{p.substeps} x {p.iterations}", f"{1e3 * p.step:.3g}", f"{p.rate / 1e6:.0f}",
-        )
-        for p in points(measures(store, machine=machine))
-    )  # fmt: skip
-    heads = columns(("masses", "neighbours", "ordering", "kernel"), ("budget", "step, ms", "million / s"))
-    print_table(
-        console, heads, rows,
-        "budget: substeps x iterations; million / s: constraints projected; softlab figures draws them, with published ones",
-    )  # fmt: skip
+def per_projection(rows: Sequence[Row]) -> Part | None:
+    """Rate of Jacobi, all constraints at once, over that of Gauss-Seidel in colours, over all sizes."""
+    pairs: dict[tuple[int, ...], dict[str, float]] = {}
+    for row in filter(_square, rows):
+        pairs.setdefault((row.rows, row.neighbours, row.iterations), {})[row.ordering] = row.rate
+    ratios = [both["jacobi"] / both["gauss-seidel"] for both in pairs.values() if set(NAMES) <= set(both)]
+    if not ratios:
+        return None
+    text = f"{words.number(min(ratios), 2)} to {words.times(max(ratios))} as many"
+    return text, {"least": min(ratios), "most": max(ratios)}
 
 
-@dataclass(frozen=True)
-class ProjectionPoint(RatePoint):
-    """One sheet; `neighbours`: 4, 8 or 12; `scene`: canonical text."""
-
-    rows: int
-    columns: int
-    neighbours: int
-    ordering: str
-    substeps: int
-    iterations: int
-    scene: str
-
-    @property
-    def particles(self) -> int:
-        return self.rows * self.columns
+# ---------------------------------------------------------------------- the experiment
 
 
-def points(stored: Iterable[Measure]) -> list[ProjectionPoint]:
-    """Return the points from the measures, smallest sheets first."""
-    projection_points = []
-    for by_name, scene, point in RATES.results(stored):
-        grid, method = scene.grid, scene.method
-        projection_points.append(
-            ProjectionPoint(
-                **vars(point), rows=grid.rows, columns=grid.columns, neighbours=4 * len(scene.cloth_springs),
-                ordering=method.ordering, substeps=method.substeps, iterations=method.iterations,
-                scene=canonical(by_name[RATE].description["scene"]),
-            )
-        )  # fmt: skip
-    return sorted(projection_points, key=lambda p: (p.particles, p.backend, p.neighbours, p.ordering, -p.iterations))
+class Projections(Rates):
+    """Measure how many constraints per second the position-based solvers project, beside published cloth."""
 
+    name = command = stage = "projections"
+    example = "softlab projections --quick   (softlab projections --backend cpu --size 256)"
+    quick_help = (
+        "Two sizes, ten iterations, fewer neighbours and repeats, no published scenes: under a minute on two cores."
+    )
+    in_lab = True
+    options = {"sizes": Option("--size", "Only sheets of N x N masses. Repeatable.", int), "precisions": PRECISION}
+    step, rate, kernel = "projection_step", "projections_per_second", "projection_kernel"
+    fields = {
+        "rows": lambda row: row.scene.grid.rows,
+        "columns": lambda row: row.scene.grid.columns,
+        "particles": lambda row: row.scene.grid.particle_count,
+        "neighbours": lambda row: 4 * len(row.scene.cloth_springs),
+        "ordering": lambda row: row.scene.method.ordering,
+        "substeps": lambda row: row.scene.method.substeps,
+        "iterations": lambda row: row.scene.method.iterations,
+        "budget": lambda row: f"{row.substeps} x {row.iterations}",
+    }
+    order = ("particles", "backend", "neighbours", "ordering", "-iterations")
+    table = {
+        "masses": lambda row: f"{row.rows} x {row.columns}", "neighbours": "neighbours", "ordering": "ordering",
+        "backend": "backend", "kernel": "kernel", "budget": lambda row: row.budget,
+        "step, ms": lambda row: f"{1e3 * row.step:.3g}", "million / s": lambda row: f"{row.rate / 1e6:.0f}",
+    }  # fmt: skip
+    note = "budget: substeps x iterations; million / s: constraints projected; softlab figures draws them"
+    figure = Lines(
+        title="Projections a second",
+        caption=(
+            "Constraints x iterations x substeps over the time of a step, 10 substeps of 10 iterations (solid) or of one "
+            "(dashed), float32: a hanging sheet with the springs of 4 or 12 neighbours, by coloured Gauss-Seidel and by "
+            "Jacobi. The whole step is timed, prediction and velocities included."
+        ),
+        x_label="masses",
+        y_label="projections a second",
+        styles={
+            ("gauss-seidel", 4): ("Gauss-Seidel, 4 neighbours", "blue", "o"),
+            ("gauss-seidel", 12): ("Gauss-Seidel, 12 neighbours", "green", "D"),
+            ("jacobi", 4): ("Jacobi, 4 neighbours", "orange", "s"),
+            ("jacobi", 12): ("Jacobi, 12 neighbours", "vermillion", "^"),
+        },
+        keys=lambda row: ((row.ordering, row.neighbours), row.iterations),
+        dashes={10: "-", 1: "--"},
+        select=_square,
+    )
+    sentences = {
+        "projection-rates": Sentence(
+            f"With springs to four neighbours, {QUOTED}{words.SPACE}{words.TIMES}{words.SPACE}{QUOTED} masses and 10 "
+            "substeps of one iteration: {}.", rates, "Projections were not timed at this size.",
+            form="on {place} {part}", join="; ".join,
+        ),
+        "projection-orderings": Sentence(
+            "Jacobi projects {} as Gauss-Seidel does in the same time, over sizes and neighbours; what its iterations are "
+            "worth is another question.", per_projection, "The two orderings were not timed side by side.",
+        ),
+    }  # fmt: skip
 
-def beside_published(timed: Sequence[ProjectionPoint]) -> list[tuple[Any, ProjectionPoint]]:
-    """Return (published, ours of one backend and machine) for every published scene that was timed."""
-    pairs = []
-    for entry in PUBLISHED:
-        pairs += [(entry, point) for point in timed if point.scene == entry.text]
-    return pairs
+    def work(self, scene: Scene) -> float:
+        """Return the number of projections per step."""
+        return constraint_count(scene) * scene.method.substeps * scene.method.iterations
+
+    def groups(
+        self, backends: Sequence[str], quick: bool, precisions: Sequence[str], sizes: Sequence[int] = ()
+    ) -> list[list[Case]]:
+        """Return the groups timed in turn: all cases of a size and backend; then the published scenes.
+
+        `sizes`: only these. `quick`: two sizes, 4 and 12 neighbours, ten iterations, no published scene. Raises SceneError
+        for an impossible size.
+        """
+        for size in sizes:
+            if size < 2:
+                raise SceneError("--size", size, "must be at least 2: a sheet without springs has nothing to project")
+            if size > MOST:
+                raise SceneError("--size", size, f"must be at most {MOST}")
+        all_groups = []
+        for backend in backends:
+            usual = QUICK_SIZES if quick else (*SIZES, *(LARGE if backend == "gpu" else ()))
+            for size in sizes or usual:
+                all_groups.append(
+                    [
+                        case_of(sheet(size, neighbours, ordering, *budget), backend, precision)
+                        for precision in precisions
+                        for neighbours in (QUICK_NEIGHBOURS if quick else NEIGHBOURS)
+                        for budget in (QUICK_BUDGETS if quick else BUDGETS)
+                        for ordering in ORDERINGS
+                    ]
+                )
+            if not sizes and not quick:
+                all_groups += [[case_of(entry.ours(), backend, precisions[0])] for entry in PUBLISHED]
+        return all_groups

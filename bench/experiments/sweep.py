@@ -198,8 +198,10 @@ class Sweep:
 
     def run(self, grids: Sequence[Sequence[Case]], progress: bool, command: str) -> SweepSummary:
         """Measure what the store lacks of the grids, one after another."""
-        how: dict[str, Any] = {"progress": progress, "command": command, "worth": self._weight}
-        return resume(self.store, self.summary, grids, lambda case: self._missing(case) <= 0, self._measure, **how)
+        return resume(
+            self.store, self.summary, grids, lambda case: self._missing(case) <= 0, self._measure,
+            progress=progress, command=command, worth=self._weight,
+        )  # fmt: skip
 
     def _measure(self, cases: Sequence[Case], report: Report) -> None:
         grid = cases[0].scene.grid

@@ -16,7 +16,7 @@ motion, all settings in turn.
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from functools import partial
 from itertools import product
@@ -46,10 +46,10 @@ from softlab.bench.experiments.tetrahedral.cantilever import (
 from softlab.bench.experiments.tetrahedral.promised import promised
 from softlab.bench.measure.costs_timing import FULL, QUICK, RATIO, SECONDS, Effort, Measures, Record, in_turn
 from softlab.bench.measure.experiment import described, store_measures
-from softlab.bench.measure.items import Group, Items, cost_sources
+from softlab.bench.measure.items import Group, cost_sources
 from softlab.bench.measure.timing import Subject, prepare
 from softlab.bench.store.database import Store
-from softlab.model.base.errors import SceneError, SoftlabError, UnstableTimeStep
+from softlab.model.base.errors import SoftlabError, UnstableTimeStep
 from softlab.model.core.build import build
 from softlab.model.core.simulation import PRECISIONS, Simulation, State
 from softlab.model.scene.checks.tetrahedra import SOLVERS_OF_TETRAHEDRA
@@ -147,37 +147,24 @@ def settings(
     return list(dict.fromkeys(budgets))
 
 
-def among(option: str, chosen: Sequence[Any], known: Iterable[Any]) -> Sequence[Any]:
-    """Return `chosen` if all are in `known`. Raises SceneError for another value."""
-    known = tuple(known)
-    for value in chosen:
-        if value not in known:
-            allowed = ", ".join(one if isinstance(one, str) else f"{one:g}" for one in known)
-            raise SceneError(option, value, f"must be one of {allowed}")
-    return chosen
-
-
 def groups(
     store: Store,
     backends: Sequence[str],
     quick: bool,
     precisions: Sequence[str] = tuple(PRECISIONS),
-    across: Sequence[int] = (),
-    young: Sequence[float] = (),
+    across: Sequence[int] = SECTIONS,
+    young: Sequence[float] = MODULI,
     solvers: Sequence[str] = (),
 ) -> list[Group]:
     """Return the groups timed in turn: all settings of one bar.
 
-    `quick`: the middle mesh, few settings, fewer and shorter samples; `across`, `young`, `solvers`: only these of
-    SECTIONS, of MODULI and of SETTINGS. Raises SceneError for others.
+    `quick`: few settings, fewer and shorter samples; `solvers`: only these of SETTINGS.
     """
-    effort, usual = (QUICK, SECTIONS[1:2]) if quick else (FULL, SECTIONS)
-    sections, moduli = among("--across", across, SECTIONS) or usual, among("--young", young, MODULI) or MODULI
-    chosen = among("--solver", solvers, SETTINGS)
+    effort = QUICK if quick else FULL
     scenes_by_bar = {
-        (a, e): tuple(cantilever(a, e, *setting) for setting in settings(quick, a, e, chosen))
-        for a in sections
-        for e in moduli
+        (a, e): tuple(cantilever(a, e, *setting) for setting in settings(quick, a, e, solvers))
+        for a in across
+        for e in young
     }
     all_groups = []
     for backend in backends:
@@ -188,9 +175,6 @@ def groups(
             run = partial(_bar, a, e, scenes, descriptions, effort)
             all_groups.append(Group(name, descriptions, sources, run, len(scenes)))
     return all_groups
-
-
-run_tetrahedra = Items(TETRAHEDRA, groups, "softlab tetrahedra", "bar: ")
 
 
 def let_go(scene: Scene) -> Scene:

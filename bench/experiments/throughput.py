@@ -8,25 +8,14 @@ two substeps.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 
-from rich.console import Console
-
-from softlab.bench.measure.case_timing import Case, RatePoint, Rates, make_case
-from softlab.bench.measure.tables import print_table
-from softlab.bench.store.database import Store
-from softlab.bench.store.results import Measure, measures
-from softlab.model.base.errors import SceneError
+from softlab.bench.measure import words
+from softlab.bench.measure.case_timing import Case, Rates, Row, make_case
+from softlab.bench.measure.declaration import PRECISION, Lines, Option, Part, Sentence
 from softlab.model.core.spare import counts
 from softlab.model.scene.scene import Scene, load_scene
 
-# the names in the store are those under which the experiment was first written
-STAGE = "crowds"  # of the samples
-STEP = "crowd_step"  # s: the median of a step
-RATE = "crowd_particles_per_second"  # particles x substeps x iterations, 1/s
-KERNEL = "crowd_kernel"  # the name of the kernel is stored as the reason
-KIND = "crowd_kind"  # the kind is stored as the reason
 KINDS = ("soft", "rigid", "heap", "grid", "lattice")
 QUICK_KINDS = KINDS[:-1]  # a lattice in space takes longest to compile
 BLOB = {"shape": {"name": "blob"}, "particle_spacing": 0.084}  # 281 particles
@@ -88,87 +77,135 @@ def kind_of(scene: Scene) -> str:
     return "rigid" if kinds == {"rigid_body"} else "soft"
 
 
-def groups(
-    backends: Sequence[str], quick: bool, precisions: Sequence[str], kinds: Sequence[str] | None = None
-) -> list[list[Case]]:
-    """Return the groups timed in turn: all cases of a number of bodies, or of a size of the grid, on a backend.
-
-    `kinds`: of KINDS (None: all, or QUICK_KINDS). `quick`: fifty bodies and the smallest grid. Raises SceneError for
-    another kind.
-    """
-    kinds = kinds or (QUICK_KINDS if quick else KINDS)
-    for kind in kinds:
-        if kind not in KINDS:
-            raise SceneError("--kind", kind, f"must be one of {', '.join(KINDS)}")
-    all_groups, wanted = [], set(kinds)
-    for backend in backends:
-        for count in QUICK if quick else ON_CPU if backend == "cpu" else tuple(BLOCKS):
-            scenes = [bodies(count, kind == "rigid") for kind in ("soft", "rigid") if kind in wanted]
-            scenes += [heap(count)] if "heap" in wanted else []
-            all_groups.append([make_case(s, backend, p, f"{count} bodies") for p in precisions for s in scenes])
-        sizes = QUICK_GRIDS if quick else (*GRIDS, *(LARGE if backend == "gpu" else ()))
-        for size in sizes if "grid" in wanted else ():
-            label = f"jelly {size} x {size}"
-            all_groups.append([make_case(jelly(size, r), backend, p, label) for p in precisions for r in REGIONS])
-        sizes = QUICK_CUBES if quick else (*CUBES, *(LARGE_CUBES if backend == "gpu" else ()))
-        for size in sizes if "lattice" in wanted else ():
-            label, regions = f"lattice {size}^3", REGIONS[:-1] if size in LARGE_CUBES else REGIONS
-            all_groups.append([make_case(cube(size, r), backend, p, label) for p in precisions for r in regions])
-    return [group for group in all_groups if group]
-
-
-def particle_steps(scene: Scene) -> int:
-    """Return particles x substeps x iterations per step."""
-    return counts(scene).particles * scene.method.substeps * scene.method.iterations
-
-
-RATES = run_throughput = Rates("throughput", STAGE, STEP, RATE, KERNEL, particle_steps, groups, words={KIND: kind_of})
-
-
-# ---------------------------------------------------------------------- results from the store
-
-
-def print_throughput(console: Console, store: Store, machine: str) -> None:
-    """Print a table of what was timed on a machine."""
-    rows = []
-    for p in points(measures(store, machine=machine), every=True):
-        width = " x ".join([str(2 * p.region + 1)] * (3 if p.kind == "lattice" else 2)) if p.region else ""
-        row = p.kind, p.backend, str(p.bodies or ""), str(p.particles), width, p.kernel
-        rows.append((*row, f"{1e6 * p.step:.1f}{'?' * p.incomplete}", f"{p.rate / 1e6:.1f}"))
-    heads = "kind", "backend", "bodies", "particles", "clusters", "kernel", "step / us", "million / s"
-    print_table(
-        console, heads, rows, "million / s: particles times substeps; ?: incomplete; softlab figures draws them"
-    )
-
-
-@dataclass(frozen=True)
-class ThroughputPoint(RatePoint):
-    """Result of a `kind`: particles, bodies (0: a grid), and the half-width of a grid's or a lattice's clusters, else
-    0.
-    """
-
-    kind: str
-    particles: int
-    bodies: int
-    region: int
-
-
 def region_of(scene: Scene) -> int:
     """Return the half-width of the windows of a grid or a lattice, else 0."""
     lattices = [getattr(body, "region", 0) for body in scene.bodies.values()]
     return max(lattices, default=scene.method.region)
 
 
-def points(stored: Iterable[Measure], every: bool = False) -> list[ThroughputPoint]:
-    """Return the points from the measures, smallest first; with `every`, incomplete ones too."""
-    throughput_points = []
-    for by_name, scene, point in RATES.results(stored, every):
-        method, bodies_ = scene.method, scene.bodies.values()
-        particles = round(point.rate * point.step / method.substeps / method.iterations)
-        throughput_points.append(
-            ThroughputPoint(
-                **vars(point), kind=by_name[KIND].reason or "", particles=particles, region=region_of(scene),
-                bodies=sum(body.count for body in bodies_),
-            )
-        )  # fmt: skip
-    return sorted(throughput_points, key=lambda p: (p.particles, p.backend, p.kind, p.region))
+# ---------------------------------------------------------------------- sentences
+
+
+def heaps(rows: Sequence[Row]) -> Part | None:
+    """Frames per second of heaps that collide, the smallest and the largest."""
+    of_kind = [row for row in rows if row.kind == "heap"]
+    ends = of_kind[:: max(1, len(of_kind) - 1)]
+    texts = [
+        f"{words.count(row.bodies)} bodies of {words.count(row.particles)} particles do "
+        f"{words.number(1 / row.step)} frames a second"
+        for row in ends
+    ]
+    return (words.listed(texts), {str(row.bodies): 1 / row.step for row in ends}) if ends else None
+
+
+def clusters(rows: Sequence[Row]) -> Part | None:
+    """Time of a step of bodies without contacts: the cost of clusters."""
+    steps = {row.kind: row.step for row in rows if row.bodies == 50 and row.kind in ("soft", "rigid")}
+    if len(steps) < 2:
+        return None
+    return f"{words.seconds(steps['rigid'])} as rigid ones and {words.seconds(steps['soft'])} as soft ones", steps
+
+
+def contacts(rows: Sequence[Row]) -> Part | None:
+    """Cost of contacts: a substep of a heap over one of the same bodies without contacts."""
+    free = {row.bodies: row.rate for row in rows if row.kind == "soft"}
+    ratios = {r.bodies: free[r.bodies] / r.rate for r in rows if r.kind == "heap" and r.bodies in free}
+    if not ratios:
+        return None
+    span = sorted({min(ratios.values()), max(ratios.values())})
+    return " to ".join(map(words.times, span)), {str(bodies): ratio for bodies, ratio in ratios.items()}
+
+
+# ---------------------------------------------------------------------- the experiment
+
+
+class Throughput(Rates):
+    """Measure particles per second of soft bodies, rigid bodies, colliding heaps and lattices."""
+
+    name = command = "throughput"
+    example = "softlab throughput --quick   (softlab throughput --backend cpu --kind heap)"
+    quick_help = "Fifty bodies, the smallest grid, no lattice, fewer repeats: under a minute on two cores."
+    in_lab = True
+    options = {
+        "kinds": Option(
+            "--kind", "Only soft, rigid, heap, grid or lattice. Repeatable.", values=KINDS, quick=QUICK_KINDS
+        ),
+        "precisions": PRECISION,
+    }
+    # the names in the store are those under which the experiment was first written
+    stage, step, kernel = "crowds", "crowd_step", "crowd_kernel"
+    rate = "crowd_particles_per_second"  # particles x substeps x iterations, 1/s
+    words = {"crowd_kind": kind_of}
+    fields = {
+        "kind": lambda row: row.measures["crowd_kind"].reason or "",
+        "particles": lambda row: round(row.rate * row.step / row.scene.method.substeps / row.scene.method.iterations),
+        "bodies": lambda row: sum(body.count for body in row.scene.bodies.values()),  # 0: a grid
+        "region": lambda row: region_of(row.scene),
+        "clusters": lambda row: " x ".join(
+            [str(2 * row.region + 1)] * (3 if row.kind == "lattice" else 2 if row.region else 0)
+        ),
+    }
+    order = ("particles", "backend", "kind", "region")
+    table = {
+        "kind": "kind", "backend": "backend", "bodies": lambda row: str(row.bodies or ""), "particles": "particles",
+        "clusters": "clusters", "kernel": "kernel", "step / us": lambda row: f"{1e6 * row.step:.1f}{'?' * row.incomplete}",
+        "million / s": lambda row: f"{row.rate / 1e6:.1f}",
+    }  # fmt: skip
+    note = "million / s: particles times substeps; ?: incomplete; softlab figures draws them"
+    figure = Lines(
+        title="Particles of bodies a second",
+        caption=(
+            "Particles times substeps over the time of a step, float32, one iteration: blobs of about 280 particles that "
+            "fall freely, as soft and as rigid bodies, or into a heap with contacts; and the lab's grid and a cube by shape "
+            "matching, their clusters 3 masses wide (solid), 5 (dashed) or 9 (dotted)."
+        ),
+        y_label="particles x substeps / s",
+        styles={
+            "rigid": ("rigid bodies: one cluster", "blue", "o"),
+            "soft": ("soft bodies: overlapping clusters", "green", "D"),
+            "heap": ("soft bodies in a heap, with contacts", "vermillion", "^"),
+            "grid": ("jelly grid, a cluster around every mass", "orange", "s"),
+            "lattice": ("jelly cube, a cluster around every mass", "purple", "P"),
+        },
+        keys=lambda row: (row.kind, row.region),
+        dashes={0: "-", 1: "-", 2: "--", 4: ":"},  # by the half-width of a grid's or a cube's clusters
+    )
+    sentences = {
+        "throughput-heaps": Sentence(
+            "In a heap, with contacts and two substeps a frame: {}.", heaps, "Heaps of bodies were not timed.",
+            form="on {place} {part}", join="; ".join,
+        ),
+        "throughput-clusters": Sentence(
+            "A step of fifty free bodies takes {}.", clusters, "Clusters alone were not timed."
+        ),
+        "throughput-contacts": Sentence(
+            "With contacts a substep takes {} as long as without.", contacts, "What contacts cost was not timed."
+        ),
+    }  # fmt: skip
+
+    def work(self, scene: Scene) -> float:
+        """Return particles x substeps x iterations per step."""
+        return counts(scene).particles * scene.method.substeps * scene.method.iterations
+
+    def groups(
+        self, backends: Sequence[str], quick: bool, precisions: Sequence[str], kinds: Sequence[str] = KINDS
+    ) -> list[list[Case]]:
+        """Return the groups timed in turn: all cases of a number of bodies, or of a size of the grid, on a backend.
+
+        `quick`: fifty bodies and the smallest grid.
+        """
+        all_groups = []
+        for backend in backends:
+            for count in QUICK if quick else ON_CPU if backend == "cpu" else tuple(BLOCKS):
+                scenes = [bodies(count, kind == "rigid") for kind in ("soft", "rigid") if kind in kinds]
+                scenes += [heap(count)] if "heap" in kinds else []
+                all_groups.append([make_case(s, backend, p, f"{count} bodies") for p in precisions for s in scenes])
+            sizes = QUICK_GRIDS if quick else (*GRIDS, *(LARGE if backend == "gpu" else ()))
+            for size in sizes if "grid" in kinds else ():
+                label = f"jelly {size} x {size}"
+                all_groups.append([make_case(jelly(size, r), backend, p, label) for p in precisions for r in REGIONS])
+            sizes = QUICK_CUBES if quick else (*CUBES, *(LARGE_CUBES if backend == "gpu" else ()))
+            for size in sizes if "lattice" in kinds else ():
+                label, regions = f"lattice {size}^3", REGIONS[:-1] if size in LARGE_CUBES else REGIONS
+                all_groups.append([make_case(cube(size, r), backend, p, label) for p in precisions for r in regions])
+        return [group for group in all_groups if group]

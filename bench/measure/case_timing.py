@@ -4,22 +4,25 @@ bench/measure/timing.py."""
 from __future__ import annotations
 
 import statistics
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
-from typing import Any
+from itertools import product
+from typing import Any, ClassVar
 
 from softlab.app.driver import open_simulation
 from softlab.bench.measure import experiment
 from softlab.bench.measure.costs_timing import Measures
-from softlab.bench.measure.experiment import Report, backends_here, host_of, resume, source_hash
+from softlab.bench.measure.declaration import PRECISION, Experiment
+from softlab.bench.measure.experiment import Report, host_of, source_hash
 from softlab.bench.measure.samples import in_turns
 from softlab.bench.measure.timing import Subject, prepare
 from softlab.bench.store.database import Store
 from softlab.bench.store.marks import is_wrong
 from softlab.bench.store.results import Measure, by_configuration, configuration
-from softlab.model.base.errors import Diverged, SceneError
-from softlab.model.core.simulation import PRECISIONS, Simulation
+from softlab.model.base.errors import Diverged
+from softlab.model.core.simulation import Simulation
+from softlab.model.core.spare import counts
 from softlab.model.scene.scene import Scene
 
 SAMPLE_SECONDS, MAX_SAMPLE = 0.05, 3.0
@@ -75,8 +78,10 @@ class Summary(experiment.Summary):
 
 
 @dataclass(frozen=True)
-class RatePoint:
-    """One timed configuration: `step` [s], `rate` [1/s]; `incomplete`: its state lacks some of its physics."""
+class Row:
+    """One timed configuration: `step` [s], `rate` [1/s]; `incomplete`: its state lacks some of its physics; `measures` by
+    name. Further attributes are the `fields` of its experiment.
+    """
 
     machine: str
     backend: str
@@ -84,59 +89,78 @@ class RatePoint:
     kernel: str
     step: float
     rate: float
-    incomplete: bool = field(default=False, kw_only=True)
+    incomplete: bool
+    scene: Scene
+    measures: Mapping[str, Measure] = field(repr=False)
+    fields: Mapping[str, Callable[[Row], Any]] = field(repr=False)
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__") or name not in self.fields:
+            raise AttributeError(name)
+        return self.fields[name](self)
 
 
-@dataclass(frozen=True)
-class Rates:
-    """Experiment on the rate of work of cases. `name`: also of its command; `stage`: of its samples;
-    `step`, `rate`, `kernel`: names of its measures, the median step [s], `work` of the scene in a step over it [1/s], and
-    the kernel that ran; `words`: further measures, with a word on the scene; `groups(backends, quick, precisions, ...)`:
-    the groups that are timed in turn."""
+def _rank(row: Row, name: str) -> Any:
+    value = getattr(row, name.lstrip("-"))
+    return -value if name.startswith("-") else value
 
-    name: str
-    stage: str
-    step: str
-    rate: str
-    kernel: str
-    work: Callable[[Scene], float]
-    groups: Callable[..., Sequence[Sequence[Case]]]
-    words: Mapping[str, Callable[[Scene], str]] = field(default_factory=dict)
 
-    def __call__(
-        self,
-        store: Store,
-        *,
-        quick: bool = False,
-        backends: Sequence[str] | None = None,
-        precisions: Sequence[str] = ("float32",),
-        progress: bool = True,
-        command: str = "",
-        **chosen: Any,
-    ) -> Summary:
-        """Time the cases that the store lacks, those of a group in turn, and return a summary. `quick`: fewer cases and
-        repeats; `chosen`: further arguments of `groups`. Ctrl-C ends cleanly.
+class Rates(Experiment):
+    """Experiment on the rate of work of cases.
 
-        Raises SceneError (an impossible choice), BackendUnavailable, InputError (the store).
-        """
-        here, repeats = backends_here(backends), QUICK_REPEATS if quick else REPEATS
-        for precision in precisions:
-            if precision not in PRECISIONS:
-                raise SceneError("--precision", precision, f"must be one of {', '.join(PRECISIONS)}")
-        groups = self.groups(here, quick, precisions, **chosen)
-        summary = Summary.begun(store, self.name)
+    `step`, `rate`, `kernel`: names of its measures in the store, by default after `name`: the median step [s], `work` of the
+    scene in a step over it [1/s], and the kernel that ran; `stage`: of its samples; `words`: further measures, with a word
+    on the scene. `fields`: attribute of a row -> its value; `order`: attributes by which rows are sorted,
+    with a minus from the largest on.
+    """
 
-        def measure(group: Sequence[Case], report: Report) -> None:
-            report(str(group[0]), 0)
-            self._time(store, summary, group, repeats)
-            report(str(group[0]), len(group))
+    stage: ClassVar[str]
+    step: ClassVar[str]
+    rate: ClassVar[str]
+    kernel: ClassVar[str]
+    options = {"precisions": PRECISION}
+    summary = Summary
+    words: ClassVar[Mapping[str, Callable[[Scene], str]]] = {}
+    fields: ClassVar[Mapping[str, Callable[[Row], Any]]] = {}
+    order: ClassVar[Sequence[str]] = ("backend",)
 
-        def is_stored(case: Case) -> bool:
-            key = case.description, summary.machine, case.sources
-            return store.has_measure(*key, self.rate) and store.sample_count(*key, self.stage) >= repeats
+    def __init_subclass__(cls) -> None:
+        for measure, suffix in (("stage", "times"), ("step", "step"), ("rate", "rate"), ("kernel", "kernel")):
+            if not hasattr(cls, measure):
+                setattr(cls, measure, f"{cls.name}_{suffix}")
 
-        command = command or f"softlab {self.name}"
-        return resume(store, summary, groups, is_stored, measure, progress=progress, command=command)
+    def work(self, scene: Scene) -> float:
+        """Return the work of a step."""
+        return counts(scene).particles
+
+    def scene(self, **axes: Any) -> Scene:
+        """Return the scene of one combination of the options' values."""
+        raise NotImplementedError
+
+    def groups(
+        self, backends: Sequence[str], quick: bool, precisions: Sequence[str], **axes: Any
+    ) -> Sequence[Sequence[Case]]:
+        """Return the groups that are timed in turn: on each backend all combinations of the options' values."""
+        combinations = [dict(zip(axes, values, strict=True)) for values in product(*axes.values())]
+        labelled = [(self.scene(**one), ", ".join(f"{k} {v}" for k, v in one.items())) for one in combinations]
+        return [
+            [make_case(scene, backend, precision, label) for precision in precisions for scene, label in labelled]
+            for backend in backends
+        ]
+
+    def plan(
+        self, store: Store, backends: Sequence[str], quick: bool, options: Mapping[str, Any]
+    ) -> Sequence[Sequence[Case]]:
+        return self.groups(backends, quick, **options)
+
+    def is_stored(self, store: Store, machine: str, quick: bool, case: Case) -> bool:
+        key, repeats = (case.description, machine, case.sources), QUICK_REPEATS if quick else REPEATS
+        return store.has_measure(*key, self.rate) and store.sample_count(*key, self.stage) >= repeats
+
+    def measure(self, store: Store, summary: Summary, quick: bool, group: Sequence[Case], report: Report) -> None:
+        report(str(group[0]), 0)
+        self._time(store, summary, group, QUICK_REPEATS if quick else REPEATS)
+        report(str(group[0]), len(group))
 
     def _time(self, store: Store, summary: Summary, group: Sequence[Case], repeats: int) -> None:
         """Time one group in turn, and store its samples and measures."""
@@ -168,23 +192,20 @@ class Rates:
             self.rate: (self.work(scene) / step, "1/s", None),
         }
 
-    def results(
-        self, measures: Iterable[Measure], every: bool = False
-    ) -> Iterator[tuple[dict[str, Measure], Scene, RatePoint]]:
-        """Yield (measures, scene, point) of every timed case. Cases with wrong or incomplete states only with `every`, since
-        their times prove nothing."""
-        needed = {self.step, self.rate, *self.words}
-        for by_name in by_configuration(measure for measure in measures if measure.name in {*needed, self.kernel}):
+    def rows(self, stored: Iterable[Measure], every: bool = False) -> list[Row]:
+        """Return the timed cases in `order`. Those with wrong or incomplete states only with `every`, since their times prove
+        nothing."""
+        everything, needed, rows = list(stored), {self.step, self.rate, *self.words}, []
+        timed = {(m.machine, m.configuration) for m in everything if m.name == self.rate}
+        for by_name in by_configuration(m for m in everything if (m.machine, m.configuration) in timed):
             if needed <= set(by_name):
                 step, rate = by_name[self.step], by_name[self.rate]
                 kernel = (by_name[self.kernel].reason if self.kernel in by_name else None) or ""
-                precision = rate.description["precision"]
-                values = step.value or 0.0, rate.value or 0.0
-                wrong = is_wrong(step.reason)
-                if wrong and not every:
-                    continue
-                point = RatePoint(rate.machine, rate.backend, precision, kernel, *values, incomplete=wrong)
-                yield by_name, Scene.stored(rate.description["scene"]), point
+                wrong, scene = is_wrong(step.reason), Scene.stored(rate.description["scene"])
+                values = step.value or 0.0, rate.value or 0.0, wrong, scene, by_name, self.fields
+                if every or not wrong:
+                    rows.append(Row(rate.machine, rate.backend, rate.description["precision"], kernel, *values))
+        return sorted(rows, key=lambda row: [_rank(row, name) for name in self.order])
 
 
 @dataclass(frozen=True)

@@ -91,7 +91,8 @@ def compile_case(case: Any) -> None:
 def compilations(cases: Iterable[Any]) -> Iterator[Job]:
     """Yield the compilation of each case; not of cases that are too large to be opened for nothing else."""
     for case in cases:
-        if hasattr(case, "open") and case.scene.grid.particle_count <= MAX_PARTICLES:
+        ours = hasattr(case, "open") and getattr(case, "peer", None) is None
+        if ours and case.scene.grid.particle_count <= MAX_PARTICLES:
             yield Job(kind_of(case), partial(compile_case, case))
 
 

@@ -107,6 +107,11 @@ class Summary:
         begin, version = time.perf_counter(), code_version()  # before any thread runs
         return cls(enter_machine(store), name=name, begin=begin, version=version)
 
+    def start(self, store: Store, command: str) -> str:
+        """Start the run of what is measured now, unless it has one; return its key."""
+        self.run = self.run or store.start_run(self.machine, command, self.version)
+        return self.run
+
     def stop(self) -> None:
         """Record the time so far."""
         self.seconds = time.perf_counter() - self.begin
@@ -189,7 +194,7 @@ def resume(
                 with current_partition().take(name) as taken:
                     group = lacking(groups[k]) if taken else []  # anew: others may have measured some of it since
                     if group:
-                        summary.run = summary.run or store.start_run(summary.machine, command, summary.version)
+                        summary.start(store, command)
                         measure(group, lambda text, done: bar.update(task, description=text, advance=done))
         if summary.run:
             enter_keys(store, summary.run, summary.name)

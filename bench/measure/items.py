@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, ClassVar, Protocol
 
 from softlab.bench.measure import costs_timing
 from softlab.bench.measure.costs_timing import RATIO, Measures, Record
-from softlab.bench.measure.experiment import Report, Summary, backends_here, resume, source_hash, store_measures
+from softlab.bench.measure.declaration import Experiment
+from softlab.bench.measure.experiment import Report, Summary, source_hash, store_measures
 from softlab.bench.store.database import Store
 from softlab.model.base.digest import source_digest
 
@@ -26,45 +27,24 @@ class Item(Protocol):
     def run(self, store: Store, run: str, report: Callable[[str], None]) -> None: ...
 
 
-@dataclass(frozen=True)
-class Items:
-    """An experiment of single items. `of(store, backends, quick, ...)`: all of them, or fewer, or measured in less time;
-    `doing`: text of the bar before each; `command`: that measures them."""
+class Items(Experiment):
+    """An experiment of single items, measured one after another; `doing`: text of the bar before each."""
 
-    name: str
-    of: Callable[..., Sequence[Item]]
-    command: str
-    doing: str = ""
+    doing: ClassVar[str] = ""
+    items: ClassVar[Callable[..., Sequence[Item]]]  # (store, backends, quick, options) -> all, or (`quick`) fewer
 
-    def __call__(
-        self,
-        store: Store,
-        *,
-        quick: bool = False,
-        backends: Sequence[str] | None = None,
-        progress: bool = True,
-        command: str = "",
-        **chosen: Any,
-    ) -> Summary:
-        """Measure the items that the store lacks, one after another. `backends`: None for all of this machine; `chosen`:
-        further arguments of `of`. Ctrl-C ends cleanly.
+    def plan(self, store: Store, backends: Sequence[str], quick: bool, options: Mapping[str, Any]) -> list[list[Item]]:
+        return [[item] for item in self.items(store, backends, quick, **options)]
 
-        Raises SceneError (an impossible choice), BackendUnavailable, InputError (the store).
-        """
-        items = self.of(store, backends_here(backends), quick, **chosen)
-        summary = Summary.begun(store, self.name)
+    def is_stored(self, store: Store, machine: str, quick: bool, case: Item) -> bool:
+        return case.is_stored(store, machine)
 
-        def measure(group: Sequence[Item], report: Report) -> None:
-            for item in group:
-                report(f"{self.doing}{item}", 0)
-                item.run(store, summary.run, partial(_within, report, f"{self.doing}{item}"))
-                summary.measured += 1
-                report(f"{self.doing}{item}", item.worth)
-
-        return resume(
-            store, summary, [[item] for item in items], lambda item: item.is_stored(store, summary.machine), measure,
-            progress=progress, command=command or self.command, worth=lambda item: item.worth,
-        )  # fmt: skip
+    def measure(self, store: Store, summary: Summary, quick: bool, group: Sequence[Item], report: Report) -> None:
+        for item in group:
+            report(f"{self.doing}{item}", 0)
+            item.run(store, summary.run, partial(_within, report, f"{self.doing}{item}"))
+            summary.measured += 1
+            report(f"{self.doing}{item}", item.worth)
 
 
 def _within(report: Report, name: str, text: str) -> None:
@@ -72,7 +52,7 @@ def _within(report: Report, name: str, text: str) -> None:
 
 
 @dataclass(frozen=True)
-class Experiment:
+class Finding:
     """One configuration of one finding. `name`: the measure by which the store knows that it is done."""
 
     name: str

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from softlab.bench.experiments.advise.ablation_results import NOT_NEEDED
+from softlab.bench.measure.words import count, listed, times
 from softlab.labbook.claims.claim import Claim, Claims
-from softlab.labbook.words import count, listed, times
 from softlab.plots.core.data import Results
 from softlab.plots.figures.ablation import quotable_tables
 

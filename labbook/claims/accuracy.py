@@ -5,10 +5,10 @@ from __future__ import annotations
 from softlab.bench.experiments.accuracy.equal_error import equal_error as ways_to
 from softlab.bench.experiments.accuracy.methods import admitted
 from softlab.bench.experiments.accuracy.points import CLOTHS, SIZES
-from softlab.labbook import words
+from softlab.bench.measure import words
+from softlab.bench.measure.words import number, seconds
 from softlab.labbook.claims.claim import MARK, Claim, Claims, named, on_gpu, suspicion
 from softlab.labbook.claims.comparison import NOT_COMPARED
-from softlab.labbook.words import number, seconds
 from softlab.model.core.integrators import INTEGRATORS
 from softlab.model.scene.scene import load_scene
 from softlab.plots.core.accuracy_points import SIDE, Point, observed_order, order_points, points, reaching

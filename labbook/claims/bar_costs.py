@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from softlab.bench.experiments.bar_costs import CLOSE, Cost
-from softlab.labbook import words
+from softlab.bench.measure import words
 from softlab.labbook.claims.claim import SUSPECT, Claim, Claims, where
 from softlab.plots.core.backends import on_backends
 from softlab.plots.core.data import Results

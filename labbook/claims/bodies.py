@@ -21,9 +21,9 @@ from softlab.bench.experiments.bar_strip import (
     strip,
     verlet_frequency,
 )
-from softlab.labbook import words
+from softlab.bench.measure import words
+from softlab.bench.measure.words import number, percent
 from softlab.labbook.claims.claim import Claim, Claims, committed_of
-from softlab.labbook.words import number, percent
 from softlab.plots.core.data import Results
 from softlab.plots.figures.bar import bars
 

@@ -14,10 +14,10 @@ from softlab.bench.experiments.body_laws import (
     SPIN_LAW,
     STILL,
 )
-from softlab.labbook import words
+from softlab.bench.measure import words
+from softlab.bench.measure.words import number, percent, seconds
 from softlab.labbook.claims.bodies import EQUAL, measured_bars, substeps_of
 from softlab.labbook.claims.claim import Claim, Claims
-from softlab.labbook.words import number, percent, seconds
 from softlab.plots.core.data import Results
 
 

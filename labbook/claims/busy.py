@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from softlab.bench.experiments.busy import ALONE, LIMIT, NICED, SAME, BusyPoint, points
-from softlab.labbook import words
+from softlab.bench.measure import words
 from softlab.labbook.claims.claim import Claim, Claims
 from softlab.plots.core.data import Results
 

@@ -13,9 +13,9 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from softlab.bench.experiments.accuracy.points import AccuracyPoint
+from softlab.bench.measure import words
+from softlab.bench.measure.words import masses, percent, seconds, times
 from softlab.bench.store.results import Timing
-from softlab.labbook import words
-from softlab.labbook.words import masses, percent, seconds, times
 from softlab.plots.core.apart import apart, too_few
 from softlab.plots.core.bandwidth import copy_bandwidth, disturbed, fraction
 from softlab.plots.core.data import THREAD_WORDS, Results, Source, is_suspect, sound

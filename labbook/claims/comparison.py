@@ -7,15 +7,18 @@ from __future__ import annotations
 
 import re
 from collections import Counter
+from collections.abc import Sequence
 
 from softlab.app.render.detail import by_software
 from softlab.bench.experiments.group import DRAWN_BY
+from softlab.bench.measure import words
+from softlab.bench.measure.declaration import Part, Sentence
+from softlab.bench.measure.words import masses, percent, times
 from softlab.bench.peers.registry import label
-from softlab.labbook import words
-from softlab.labbook.claims.claim import MARK, SUSPECT, Claim, Claims, cpu_source, named, on, on_gpu, trusted, where
-from softlab.labbook.words import masses, percent, times
+from softlab.bench.peers.results import Ratio
+from softlab.labbook.claims.claim import MARK, SUSPECT, Claim, Claims, cpu_source, named, on, on_gpu, trusted
+from softlab.labbook.claims.declared import by_backend
 from softlab.plots.core.apart import apart, too_few
-from softlab.plots.core.backends import on_backends
 from softlab.plots.core.data import Results, Source, is_suspect, is_wrong
 from softlab.plots.core.pairs import shape_ratios
 from softlab.plots.figures.crossover import Pair, crossing, pairs
@@ -202,32 +205,29 @@ def trust(results: Results) -> Claim:
     return Claim(text, numbers, True)
 
 
-def peers(results: Results) -> Claim:
-    """Time of a step of the grid by peers over the lab's, at the largest size that most of them ran on each backend."""
-    parts: list[str] = []
-    numbers: dict[str, float] = {}
-    for backend, source, ratios in on_backends(results, square_ratios):
-        right = [one for one in ratios if not one.wrong]
-        sizes = [one.particles for one in right]
-        size = max(sizes, key=lambda n: (sizes.count(n), n), default=0)
-        here = sorted((one for one in right if one.particles == size), key=lambda one: one.ratio)
-        factors = []
-        for one in here:
-            numbers[f"{backend} {one.peer}"] = one.ratio
-            same = one.low <= 1 <= one.high
-            mark = MARK if one.suspect and not all(each.suspect for each in here) else ""
-            long = "as long, within measurement noise," if same else f"{times(one.ratio)} as long"
-            factors.append(f"{long} with {label(one.peer)}{mark}")
-        if factors:
-            suspect = SUSPECT if all(one.suspect for one in here) else ""
-            parts.append(f"on {where(backend, source)}, at {masses(size)}, {words.listed(factors)}{suspect}")
-    if not parts:
-        return Claim("Nothing was timed beside the lab.")
-    return Claim(f"Compared with the lab, a step of the grid takes, {'; '.join(parts)}.", numbers, True)
+def peers(ratios: Sequence[Ratio]) -> Part | None:
+    """Time of a step of the grid by peers over the lab's, at the largest size that most of them ran."""
+    right = [one for one in ratios if not one.wrong]
+    sizes = [one.particles for one in right]
+    size = max(sizes, key=lambda n: (sizes.count(n), n), default=0)
+    here = sorted((one for one in right if one.particles == size), key=lambda one: one.ratio)
+    factors = []
+    for one in here:
+        mark = MARK if one.suspect and not all(each.suspect for each in here) else ""
+        same = one.low <= 1 <= one.high
+        long = "as long, within measurement noise," if same else f"{times(one.ratio)} as long"
+        factors.append(f"{long} with {label(one.peer)}{mark}")
+    if not factors:
+        return None
+    suspect = SUSPECT if all(one.suspect for one in here) else ""
+    return f"at {masses(size)}, {words.listed(factors)}{suspect}", {one.peer: one.ratio for one in here}
 
 
 CLAIMS: Claims = {
-    "peers": peers,
+    "peers": by_backend(square_ratios, Sentence(
+        "Compared with the lab, a step of the grid takes, {}.", peers, "Nothing was timed beside the lab.",
+        form="on {place}, {part}", join="; ".join,
+    )),
     "overtakes": overtakes,
     "drawing": drawing,
     "renderer": renderer,
@@ -235,4 +235,4 @@ CLAIMS: Claims = {
     "crossing-drawing": crossing_drawing,
     "shape": shape,
     "trust": trust,
-}
+}  # fmt: skip

@@ -5,9 +5,9 @@ from __future__ import annotations
 from softlab.bench.experiments.accuracy.methods import XPBD
 from softlab.bench.experiments.accuracy.points import method_words
 from softlab.bench.experiments.convergence import colours
-from softlab.labbook import words
+from softlab.bench.measure import words
+from softlab.bench.measure.words import number, seconds
 from softlab.labbook.claims.claim import MARK, Claim, Claims, named, suspicion
-from softlab.labbook.words import number, seconds
 from softlab.plots.core.accuracy_points import Point, observed_order, points, reaching
 from softlab.plots.core.data import Results
 

@@ -6,11 +6,11 @@ from typing import Any
 
 from softlab.bench.experiments.findings.determinism import DETERMINISM, RUNS
 from softlab.bench.experiments.findings.steady import LENGTH, LENGTH_DT, REST, STEADY
+from softlab.bench.measure import words
 from softlab.bench.measure.costs_timing import QUICKEST
+from softlab.bench.measure.words import number, percent
 from softlab.bench.store.schema import tables_by_kind
-from softlab.labbook import words
 from softlab.labbook.claims.claim import Claim, Claims, named, on, on_gpu, where
-from softlab.labbook.words import number, percent
 from softlab.plots.core.apart import SMALL, small
 from softlab.plots.core.backends import BACKENDS, on_backends
 from softlab.plots.core.data import Results, Source

@@ -12,10 +12,10 @@ from functools import cache
 import numpy as np
 
 from softlab.bench.experiments.findings.experiment import AWAY, DAMPERS, DAMPING, DISSIPATION, FLOOR, oscillator
-from softlab.labbook import words
+from softlab.bench.measure import words
+from softlab.bench.measure.words import number, percent, seconds
 from softlab.labbook.claims.accuracy import NEAR, SCENE, quoted_points
 from softlab.labbook.claims.claim import Claim, Claims, named
-from softlab.labbook.words import number, percent, seconds
 from softlab.model.core.integrators import INTEGRATORS, amplification_matrix
 from softlab.plots.core.accuracy_points import observed_order
 from softlab.plots.core.apart import apart

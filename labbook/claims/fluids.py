@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from softlab.bench.experiments.fluid_rest import DEPTH, ENERGY_BOUND, SETTLED, SPEED_BOUND
 from softlab.bench.experiments.fluid_rest import TANK as STILL_TANK
 from softlab.bench.experiments.fluid_truth import laws
 from softlab.bench.experiments.fluid_truth.laws import start_off
 from softlab.bench.experiments.fluid_truth.rows import Judged
 from softlab.bench.experiments.fluid_truth.scenes import COLUMN, DAM, DROP, TANK, VORTICES
-from softlab.labbook import words
+from softlab.bench.measure import words
+from softlab.bench.measure.case_timing import Row
+from softlab.bench.measure.declaration import Part, Sentence
 from softlab.labbook.claims.claim import SUSPECT, Claim, Claims, where
+from softlab.labbook.claims.declared import by_backend
 from softlab.plots.core.backends import on_backends
 from softlab.plots.core.data import Results, Source
 from softlab.plots.figures.fluids import phases, truth
@@ -221,21 +226,21 @@ def rest(results: Results) -> Claim:
     return Claim(f"{text}.", numbers, any(r.rests for r in tanks if not r.peer))
 
 
-def rate(results: Results) -> Claim:
+def rate(rows: Sequence[Row]) -> Part:
     """Particle-iterations per second at the largest pool, and the stage that takes longest."""
-    parts: list[str] = []
-    numbers: dict[str, float] = {}
-    for backend, source, rows in on_backends(results, phases.on):
-        point = rows[-1]
-        most = max(point.phases, key=lambda phase: point.phases[phase])
-        numbers[backend] = point.rate
-        parts.append(
-            f"on {where(backend, source)} {_rate(point.rate)} particle-iterations a second with "
-            f"{words.count(point.particles)} particles, searches included; the stage that takes most by itself is to {most}"
-        )
-    if not parts:
-        return Claim("The rate of fluid particles was not measured.")
-    return Claim(f"Two substeps of three iterations: {'; '.join(parts)}.", numbers, True)
+    point = rows[-1]
+    most = max(point.phases, key=lambda phase: point.phases[phase])
+    text = (
+        f"{_rate(point.rate)} particle-iterations a second with {words.count(point.particles)} particles, searches included; "
+        f"the stage that takes most by itself is to {most}"
+    )
+    return text, {"": point.rate}
+
+
+RATE = Sentence(
+    "Two substeps of three iterations: {}.", rate, "The rate of fluid particles was not measured.",
+    form="on {place} {part}", join="; ".join,
+)  # fmt: skip
 
 
 def _rate(value: float) -> str:
@@ -255,6 +260,6 @@ CLAIMS: Claims = {
     "fluids-viscosity": viscosity,
     "fluids-drop": drop,
     "fluids-peers": peers,
-    "fluids-rate": rate,
+    "fluids-rate": by_backend(phases.on, RATE),
     "fluids-rest": rest,
 }

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from softlab.bench.experiments.scaling.experiment import ScalingPoint, speedups, weak_efficiencies
-from softlab.labbook import words
+from softlab.bench.experiments.scaling.experiment import speedups, weak_efficiencies
+from softlab.bench.measure import words
+from softlab.bench.measure.case_timing import Row
 from softlab.labbook.claims.claim import Claim, Claims
 from softlab.plots.core.backends import on_backends
 from softlab.plots.core.data import Results, Source
 from softlab.plots.figures.scaling.gpus import masses, timed_shared
 
 USUAL = "flags"  # the default link
-Speedups = Sequence[tuple[ScalingPoint, float, float | None]]
+Speedups = Sequence[tuple[Row, float, float | None]]
 
 
-def _measured(results: Results) -> tuple[Source | None, Sequence[ScalingPoint]]:
+def _measured(results: Results) -> tuple[Source | None, Sequence[Row]]:
     """Return the first machine that distributed a sheet among GPUs, and its points."""
     chosen = on_backends(results, timed_shared)
     return (chosen[0][1], chosen[0][2]) if chosen else (None, ())
@@ -25,18 +26,18 @@ def _ratio(value: float) -> str:
     return f"{words.number(value)}{words.SPACE}times"
 
 
-def _of_grids(rows: Speedups, link: str) -> list[tuple[ScalingPoint, float, float | None]]:
-    return [one for one in rows if one[0].scene == "grid" and one[0].link == link]
+def _of_grids(rows: Speedups, link: str) -> list[tuple[Row, float, float | None]]:
+    return [one for one in rows if one[0].sheet == "grid" and one[0].link == link]
 
 
 def strong(results: Results) -> Claim:
     """Strong scaling: speed-up over one GPU with one sheet for all."""
     source, measured = _measured(results)
     ratios = speedups(measured)
-    grids, cloths = _of_grids(ratios, USUAL), [one for one in ratios if one[0].scene == "xpbd" and one[0].link == USUAL]
+    grids, cloths = _of_grids(ratios, USUAL), [one for one in ratios if one[0].sheet == "xpbd" and one[0].link == USUAL]
     if source is None or not grids:
         return Claim("A grid on several GPUs was not timed.")
-    numbers = {f"{p.scene} {p.rows} {p.gpus}": faster for p, faster, _ in [*grids, *cloths]}
+    numbers = {f"{p.sheet} {p.rows} {p.gpus}": faster for p, faster, _ in [*grids, *cloths]}
     parts = [
         f"{_ratio(faster)}{'' if k else ' as fast'} by {p.gpus} at {words.masses(masses(p))}"
         for k, (p, faster, _) in enumerate(grids)
@@ -52,7 +53,7 @@ def weak(results: Results) -> Claim:
     """Weak scaling: one grid for each GPU."""
     _, measured = _measured(results)
     efficiency = weak_efficiencies(measured)
-    rates = [(p, efficiency[id(p)]) for p in measured if id(p) in efficiency and p.link == USUAL and p.scene == "grid"]
+    rates = [(p, efficiency[id(p)]) for p in measured if id(p) in efficiency and p.link == USUAL and p.sheet == "grid"]
     if not rates:
         return Claim("A grid for each of several GPUs was not timed.")
     numbers = {f"{p.rows} {p.gpus}": value for p, value in rates}
@@ -99,12 +100,12 @@ def energy(results: Results) -> Claim:
     """Energy per step of all GPUs over that of one GPU with the same grid."""
     _, measured = _measured(results)
     alone = {
-        p.rows: p.joules for p in measured if p.gpus == 1 and p.scene == "grid" and p.rows == p.columns and p.joules
+        p.rows: p.joules for p in measured if p.gpus == 1 and p.sheet == "grid" and p.rows == p.columns and p.joules
     }
     ratios = [
         (p, p.joules / (alone[p.rows] or 1))
         for p in measured
-        if p.gpus > 1 and p.joules and p.link == USUAL and p.scene == "grid" and p.rows == p.columns and p.rows in alone
+        if p.gpus > 1 and p.joules and p.link == USUAL and p.sheet == "grid" and p.rows == p.columns and p.rows in alone
     ]
     if not ratios:
         return Claim("The energy of several GPUs was not measured.")

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from softlab.bench.measure import words
+from softlab.bench.measure.words import count, number
 from softlab.bench.stress.numbers import SLOW_DOWN
 from softlab.bench.stress.results import CODES, VERDICT, HardRow, disagreements, in_full, rounding_differences
-from softlab.labbook import words
 from softlab.labbook.claims.claim import Claim, Claims, committed_of
-from softlab.labbook.words import count, number
 from softlab.plots.core.data import Results, Source
 from softlab.plots.core.older import older_items
 from softlab.plots.figures.hard import hard_rows

@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from softlab.bench.experiments.body_laws import SECONDS, SPIN
+from softlab.bench.measure import words
+from softlab.bench.measure.words import count, number, percent, seconds
 from softlab.bench.stress.bodies import OFF_LAW, OFF_NEWTON, OUT_OF_SHAPE, SPIN_FRACTION
 from softlab.bench.stress.results import HardRow
-from softlab.labbook import words
 from softlab.labbook.claims.claim import Claim, Claims
 from softlab.labbook.claims.hard import compare_backends, count_verdicts, measured_value
-from softlab.labbook.words import count, number, percent, seconds
 from softlab.plots.core.data import Results
 from softlab.plots.figures.hard_bodies import body_rows
 

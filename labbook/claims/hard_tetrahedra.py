@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from softlab.bench.measure.words import count, percent, seconds
 from softlab.bench.stress.results import OF_TETRAHEDRA, HardRow, rows_of
 from softlab.bench.stress.tetrahedra import OF_FOUR, RATIO, RECOVERY, STORED, STRETCH, VOLUME
 from softlab.labbook.claims.claim import Claim, Claims
 from softlab.labbook.claims.hard import count_verdicts, measured_value
-from softlab.labbook.words import count, percent, seconds
 from softlab.plots.core.data import Results, judgements
 
 SQUASHED = "B22"  # the case of the plates, not of the bar

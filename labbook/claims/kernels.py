@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+from softlab.bench.measure import words
+from softlab.bench.measure.declaration import Part, Sentence
 from softlab.bench.measure.starts import COLD, WARM
-from softlab.labbook import words
-from softlab.labbook.claims.claim import Claim, Claims, on, trusted, where
-from softlab.labbook.words import masses, number, percent, seconds, times
+from softlab.bench.measure.words import masses, number, percent, seconds, times
+from softlab.labbook.claims.claim import Claim, Claims, on, trusted
+from softlab.labbook.claims.declared import by_backend
 from softlab.plots.core.apart import apart, too_few
 from softlab.plots.core.backends import on_backends
 from softlab.plots.core.bandwidth import disturbed, from_memory
@@ -98,19 +102,16 @@ def _starts(source: Source, backend: str) -> list[float]:
     return durations if len(durations) == 2 else []
 
 
-def starts(results: Results) -> Claim:
-    """Time to the first step, cold and warm, on each backend."""
-    parts: list[str] = []
-    numbers: dict[str, float] = {}
-    for backend, source, (cold, warm) in on_backends(results, _starts):
-        parts.append(
-            f"{seconds(cold, 2)} the first time and {seconds(warm, 2)} from then on, on {where(backend, source)}"
-        )
-        numbers |= {f"{backend} cold": cold, f"{backend} warm": warm}
-    if not parts:
-        return Claim("How long a user waits for the first step was not measured.")
-    text = f"The whole process of one step of the lab grid, from the command to its end, takes {'; '.join(parts)}."
-    return Claim(text, numbers, True)
+def starts(durations: Sequence[float]) -> Part:
+    """Time to the first step, cold and warm."""
+    cold, warm = durations
+    return f"{seconds(cold, 2)} the first time and {seconds(warm, 2)} from then on", {"cold": cold, "warm": warm}
+
+
+STARTS = Sentence(
+    "The whole process of one step of the lab grid, from the command to its end, takes {}.", starts,
+    "How long a user waits for the first step was not measured.", form="{part}, on {place}", join="; ".join,
+)  # fmt: skip
 
 
 # ---------------------------------------------------------------------- more threads than cores
@@ -173,7 +174,7 @@ CLAIMS: Claims = {
     "roof-cpu": lambda results: roof(results, "cpu"),
     "roof-gpu": lambda results: roof(results, "gpu"),
     "energy": energy,
-    "starts": starts,
+    "starts": by_backend(_starts, STARTS),
     "crowded-fused": lambda results: crowded(results, "fused"),
     "crowded-team": lambda results: crowded(results, "team", "fused"),
     "policies": policies,

@@ -5,9 +5,9 @@ from __future__ import annotations
 from math import isfinite
 
 from softlab.bench.experiments.stability.points import Edge, MapPoint, disagreements
-from softlab.labbook import words
+from softlab.bench.measure import words
+from softlab.bench.measure.words import percent, seconds, times
 from softlab.labbook.claims.claim import Claim, Claims, committed_of
-from softlab.labbook.words import percent, seconds, times
 from softlab.plots.core.data import Results
 from softlab.plots.figures.stability import stability_runs
 

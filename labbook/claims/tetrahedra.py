@@ -9,7 +9,7 @@ from softlab.bench.experiments.tetrahedral.cantilever import BLOCKS, SECOND
 from softlab.bench.experiments.tetrahedral.decides import STIFF, Decision, decisions, moves
 from softlab.bench.experiments.tetrahedral.meshes import MESH, meshes
 from softlab.bench.experiments.tetrahedral.promised import WITHIN
-from softlab.labbook import words
+from softlab.bench.measure import words
 from softlab.labbook.claims.claim import SUSPECT, Claim, Claims, where
 from softlab.plots.core.backends import on_backends
 from softlab.plots.core.data import Results, Source, judgements

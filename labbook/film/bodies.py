@@ -11,9 +11,9 @@ from PIL import Image
 from softlab.app.driver import open_simulation
 from softlab.app.output.offscreen import OffscreenRenderer
 from softlab.app.presentation import presentation_of
+from softlab.bench.measure.words import count as counted
+from softlab.bench.measure.words import seconds
 from softlab.labbook.film.canvas import FAINT, INK, MARGIN, Area
-from softlab.labbook.words import count as counted
-from softlab.labbook.words import seconds
 from softlab.model.core.simulation import Simulation
 from softlab.model.scene.scene import load_scene
 

@@ -17,8 +17,8 @@ from softlab.app.driver import open_simulation
 from softlab.app.output.offscreen import OffscreenRenderer
 from softlab.bench.experiments.accuracy.judge import distance
 from softlab.bench.experiments.accuracy.points import SCENES, end_of
+from softlab.bench.measure.words import number, seconds
 from softlab.labbook.film.canvas import CPU, FAINT, GPU, INK, LINE, MARGIN, WARNING, WHITE, Area, Canvas, Colour
-from softlab.labbook.words import number, seconds
 from softlab.model.base.errors import Diverged
 from softlab.model.core.build import build
 from softlab.model.core.families import stability_limit

@@ -10,10 +10,10 @@ from PIL import Image
 
 from softlab.app.driver import open_simulation
 from softlab.app.output.offscreen import OffscreenRenderer
+from softlab.bench.measure.words import count as counted
+from softlab.bench.measure.words import number, seconds
 from softlab.bench.store.results import Timing
 from softlab.labbook.film.canvas import CPU, FAINT, FOOT, GPU, LINE, MARGIN, Area, Canvas, Colour
-from softlab.labbook.words import count as counted
-from softlab.labbook.words import number, seconds
 from softlab.model.scene.scene import Scene
 from softlab.plots.core.data import Results, Source, is_suspect, is_wrong
 from softlab.plots.figures.crossover import pairs

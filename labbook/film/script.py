@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from functools import partial
 
+from softlab.bench.measure.words import listed, masses, number, seconds, times
 from softlab.labbook.build import marked_claim
 from softlab.labbook.film import stills
 from softlab.labbook.film.bodies import SLOWED, draw_bodies
@@ -14,7 +15,6 @@ from softlab.labbook.film.canvas import Format
 from softlab.labbook.film.judged import METHODS, SCENE, Judged, breaking, draw_breaking, draw_errors, judged
 from softlab.labbook.film.race import Race, draw_race, races
 from softlab.labbook.film.timeline import Line, Shot
-from softlab.labbook.words import listed, masses, number, seconds, times
 from softlab.plots.core.data import Results
 
 INTRODUCTION = "A grid of masses and springs, computed twice: by the threads of a CPU, and by CUDA on a GPU."

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from softlab.labbook import words
+from softlab.bench.measure import words
 from softlab.labbook.film.timeline import Part
 
 LOUDNESS = -20.0  # dB of full scale: root mean square while a voice speaks

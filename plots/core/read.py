@@ -11,11 +11,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from softlab.bench.experiments import projections, throughput
 from softlab.bench.experiments.accuracy.experiment import OLDER_STAGE
 from softlab.bench.experiments.accuracy.experiment import STAGE as ACCURACY_STAGE
-from softlab.bench.experiments.scaling import experiment as scaling
-from softlab.bench.measure.case_timing import FINDINGS
+from softlab.bench.experiments.registry import experiments
+from softlab.bench.measure.case_timing import FINDINGS, Rates
 from softlab.bench.measure.energy import STAGE as ENERGY_STAGE
 from softlab.bench.peers.results import ratios
 from softlab.bench.store.database import Store
@@ -28,9 +27,7 @@ from softlab.plots.core.older import older_peers, same_kernels, with_older
 SIMULATOR = "CUDA simulator"  # in a suspect mark: not a time of a GPU
 OTHER_INTERVAL = "timed over a longer interval than that of the error"  # a mark of an accuracy time
 STAGES = (ACCURACY_STAGE, ENERGY_STAGE, FINDINGS)
-RATES = tuple(
-    (experiment.STEP, experiment.RATE, experiment.KERNEL) for experiment in (projections, throughput, scaling)
-)
+RATES = tuple((one.step, one.rate, one.kernel) for one in experiments() if isinstance(one, Rates))
 
 
 @contextmanager

@@ -10,7 +10,7 @@ import pytest
 from rich.console import Console
 
 from softlab.bench.experiments import bar as job
-from softlab.bench.experiments.bar import FINEST, TETRAHEDRA, experiments, run_bar
+from softlab.bench.experiments.bar import FINEST, TETRAHEDRA, experiments
 from softlab.bench.experiments.bar_body import (
     CLUSTERS,
     LENGTH,
@@ -22,7 +22,7 @@ from softlab.bench.experiments.bar_body import (
     sway,
     tetrahedra,
 )
-from softlab.bench.experiments.bar_rows import print_bar
+from softlab.bench.experiments.bar_rows import BarMaterial, print_bar
 from softlab.bench.experiments.bar_strip import (
     ACROSS,
     DECAY,
@@ -216,8 +216,8 @@ def test_nothing_is_measured_twice(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(job, "bodies", lambda quick: [])
     monkeypatch.setattr(job, "of_tetrahedra", lambda quick: [])
     with Store(":memory:") as store:
-        first = run_bar(store, quick=True, backends=["cpu"], progress=False)
-        again = run_bar(store, quick=True, backends=["cpu"], progress=False)
+        first = BarMaterial()(store, quick=True, backends=["cpu"], progress=False)
+        again = BarMaterial()(store, quick=True, backends=["cpu"], progress=False)
         assert (first.measured, first.stored) == (4 + 3, 0)
         assert (again.measured, again.stored, again.run) == (0, 7, "")
         refused = [m for m in measures(store, SAG) if m.value is None]

@@ -20,10 +20,10 @@ from softlab.bench.experiments.busy import (
     NICED,
     SAME,
     SCENES,
+    Busy,
     beside,
     groups,
     points,
-    print_busy,
 )
 from softlab.bench.measure.costs_timing import RATIO, SECONDS, Effort
 from softlab.bench.store.database import Store
@@ -79,11 +79,11 @@ def test_the_program_runs_while_samples_are_taken(monkeypatch, tmp_path):
     monkeypatch.setattr(busy, "in_turn", sampled)
     monkeypatch.setattr(busy, "SHORT", TINY)
     with Store(tmp_path / "r.sqlite") as store:
-        summary = busy.run_busy(store, quick=True, scenes=["lab-grid"], progress=False)
+        summary = Busy()(store, quick=True, scenes=["lab-grid"], progress=False)
         assert summary.measured == 6 and running == [*BESIDE, *BESIDE]
         for threads, steps, _ in seen:
             assert threads[0] == 1 < threads[1] and len(steps) == 1
-        again = busy.run_busy(store, quick=True, scenes=["lab-grid"], progress=False)
+        again = Busy()(store, quick=True, scenes=["lab-grid"], progress=False)
         assert (again.measured, again.stored) == (0, 6)
         assert len(points(measures(store))) == 6
 
@@ -110,7 +110,7 @@ def test_what_is_told_of_the_worst(tmp_path, same, good):
         assert {p.beside: p.ratio for p in found} == ratios
         assert all(p.many == pytest.approx(p.ratio * p.one) for p in found)
         console = Console(width=160, record=True, file=open(os.devnull, "w"))  # noqa: SIM115
-        print_busy(console, store, "cpu")
+        Busy().show(console, store, "cpu")
         text = console.export_text()
         assert "soft-pile" in text and f"{8 * same:.3g}" in text and f"{same:.2f}" in text
         claim = CLAIMS["busy"](load(store))

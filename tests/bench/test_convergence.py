@@ -15,9 +15,9 @@ from softlab.bench.experiments.convergence import (
     RIGID,
     RIPPLE,
     STRETCH,
+    Convergence,
     drawn_out,
     residual,
-    run_convergence,
     sheet,
 )
 from softlab.bench.measure.timing import Sample
@@ -74,7 +74,7 @@ def measured(tmp_path_factory):
         patch.setattr(convergence, "SIZES", (16,))
         patch.setattr(convergence, "ITERATIONS", (1, 2, 8))
         with Store(tmp_path_factory.mktemp("convergence") / "results.sqlite") as store:
-            runs = [run_convergence(store, quick=True, backends=["cpu"], progress=False) for _ in range(2)]
+            runs = [Convergence()(store, quick=True, backends=["cpu"], progress=False) for _ in range(2)]
             return load(store), runs
 
 

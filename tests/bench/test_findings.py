@@ -13,8 +13,8 @@ from softlab.bench.experiments.findings.experiment import (
     DISSIPATION,
     FLOOR,
     RATE,
+    Findings,
     amplitude_rate,
-    run_findings,
 )
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import measures
@@ -45,7 +45,7 @@ def measured(tmp_path_factory):
         patch.setattr(findings, "EXACT_SIZES", (8, 16))
         patch.setattr(findings, "EXACT_METHOD", "lab")
         with Store(tmp_path_factory.mktemp("findings") / "results.sqlite") as store:
-            runs = [run_findings(store, quick=True, backends=["cpu"], progress=False) for _ in range(2)]
+            runs = [Findings()(store, quick=True, backends=["cpu"], progress=False) for _ in range(2)]
             yield (store, *runs)
 
 

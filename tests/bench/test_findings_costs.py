@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from softlab.bench.experiments.checks import LIMITS, displaced
 from softlab.bench.experiments.findings import costs as findings_costs
 from softlab.bench.experiments.findings import determinism as findings_determinism
-from softlab.bench.experiments.findings.costs import CHECK_FRACTION, CHECKS, INTERVAL, check_groups, run_costs
+from softlab.bench.experiments.findings.costs import CHECK_FRACTION, CHECKS, INTERVAL, Costs, check_groups
 from softlab.bench.experiments.findings.determinism import (
     DETERMINISM,
     DIFFERENT,
@@ -68,7 +68,7 @@ def measured(tmp_path_factory):
         patch.setattr(findings_costs, "PRECISIONS", ("float32",))
         patch.setattr(findings_determinism, "PRECISIONS", ("float32",))
         with Store(tmp_path_factory.mktemp("costs") / "results.sqlite") as store:
-            runs = [run_costs(store, quick=True, backends=["cpu"], progress=False) for _ in range(2)]
+            runs = [Costs()(store, quick=True, backends=["cpu"], progress=False) for _ in range(2)]
             yield (store, *runs)
 
 

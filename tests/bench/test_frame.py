@@ -10,7 +10,7 @@ import pytest
 
 from softlab.bench.measure import experiment
 from softlab.bench.measure.experiment import Report, Summary, ending_cleanly, group_name, resume, store_measures
-from softlab.bench.measure.items import Experiment, Items
+from softlab.bench.measure.items import Finding, Items
 from softlab.bench.measure.partition import Alone, use_partition
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import measures
@@ -110,15 +110,20 @@ def test_what_breaks_is_not_hidden_and_ctrl_c_within_ctrl_c_is_one(store: Store)
 
 
 def test_items_are_one_experiment(store: Store) -> None:
-    def items(store: Store, backends: Sequence[str], quick: bool) -> list[Experiment]:
-        names = ("a",) if quick else ("a", "b")
-        return [
-            Experiment("value", description(f"{name} {b}"), "s", lambda: {"value": (2.0, "m", None)})
-            for name in names
-            for b in backends
-        ]
+    class Single(Items):
+        name = command = "single"
 
-    run = Items("single", items, "softlab single")
+        def items(self, store: Store, backends: Sequence[str], quick: bool, **_: Any) -> list[Finding]:
+            names = ("a",) if quick else ("a", "b")
+            return [
+                Finding("value", description(f"{name} {b}"), "s", lambda: {"value": (2.0, "m", None)})
+                for name in names
+                for b in backends
+            ]
+
+    run = Single()
+    with pytest.raises(TypeError, match="has no options kinds"):
+        run(store, kinds=["a"])
     assert run(store, quick=True, backends=["cpu"], progress=False).measured == 1
     whole = run(store, backends=["cpu"], progress=False)
     assert (whole.measured, whole.stored) == (1, 1)

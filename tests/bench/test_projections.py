@@ -11,27 +11,19 @@ from synthetic_store import GPU_RECORD
 
 from softlab.bench.experiments.projections import (
     NEIGHBOURS,
-    RATE,
-    STAGE,
-    STEP,
-    beside_published,
+    Projections,
     case_of,
-    groups,
-    points,
-    print_projections,
-    projections_of,
-    run_projections,
     sheet,
 )
 from softlab.bench.store.database import Store
 from softlab.bench.store.published import PUBLISHED
 from softlab.bench.store.results import measures
-from softlab.labbook.claims.cloth import CLAIMS
+from softlab.labbook.claims.declared import claims_of
 from softlab.model.base.errors import SceneError
 from softlab.model.position_based.plan import constraint_count
+from softlab.plots.core.declared import draw
 from softlab.plots.core.read import load
 from softlab.plots.core.style import settings
-from softlab.plots.figures import projections
 
 
 def test_the_published_sizes_are_the_published_ones():
@@ -57,12 +49,16 @@ def test_a_sheet_is_the_same_cloth_in_any_size(neighbours):
 
 def test_a_case_counts_every_constraint_of_every_iteration():
     case = case_of(sheet(16, 4, "gauss-seidel", 10, 3), "cpu", "float32")
-    assert projections_of(case.scene) == 2 * 16 * 15 * 10 * 3
+    assert Projections().work(case.scene) == 2 * 16 * 15 * 10 * 3
 
 
 def test_quick_is_a_part_of_the_whole():
-    whole = {case.scene.canonical() for group in groups(["cpu", "gpu"], False, ("float32",)) for case in group}
-    quick = {case.scene.canonical() for group in groups(["cpu", "gpu"], True, ("float32",)) for case in group}
+    whole = {
+        case.scene.canonical() for group in Projections().groups(["cpu", "gpu"], False, ("float32",)) for case in group
+    }
+    quick = {
+        case.scene.canonical() for group in Projections().groups(["cpu", "gpu"], True, ("float32",)) for case in group
+    }
     assert quick < whole
 
 
@@ -73,36 +69,37 @@ def store(tmp_path_factory) -> Store:
         patch.setattr("softlab.bench.experiments.projections.QUICK_NEIGHBOURS", (4,))
         patch.setattr("softlab.bench.experiments.projections.QUICK_BUDGETS", ((10, 2), (10, 1)))
         patch.setattr("softlab.bench.measure.case_timing.SAMPLE_SECONDS", 0.002)
-        summary = run_projections(opened, quick=True, backends=["cpu"], sizes=[4], progress=False)
+        summary = Projections()(opened, quick=True, backends=["cpu"], sizes=[4], progress=False)
         assert (summary.measured, summary.stored, summary.skipped) == (4, 0, [])
-        again = run_projections(opened, quick=True, backends=["cpu"], sizes=[4], progress=False)
+        again = Projections()(opened, quick=True, backends=["cpu"], sizes=[4], progress=False)
         assert (again.measured, again.stored) == (0, 4)
         yield opened
 
 
 def test_a_rate_is_projections_over_the_median_step(store):
-    found = points(measures(store))
+    found = Projections().rows(measures(store))
     assert len(found) == 4 and {p.neighbours for p in found} == {4}
     for point in found:
         scene = sheet(4, point.neighbours, point.ordering, point.substeps, point.iterations)
-        assert point.scene == scene.canonical()
+        assert point.scene.canonical() == scene.canonical()
         assert point.rate * point.step == pytest.approx(constraint_count(scene) * 10 * point.iterations)
         assert point.kernel
-    (median,) = {m.value for m in measures(store, STEP) if m.configuration == measures(store, STEP)[0].configuration}
+    steps = measures(store, Projections.step)
+    (median,) = {m.value for m in steps if m.configuration == steps[0].configuration}
     rows = store.query(
         "SELECT seconds / steps FROM sample WHERE stage = ? AND configuration = ?",
-        (STAGE, measures(store, STEP)[0].configuration),
+        (Projections.stage, steps[0].configuration),
     )
     assert median == sorted(row[0] for row in rows)[len(rows) // 2]
 
 
 def test_the_terminal_tells_this_machines_alone(store):
-    here = points(measures(store))[0]
+    here = Projections().rows(measures(store))[0]
     console = Console(width=80, record=True, file=io.StringIO())
-    print_projections(console, store, here.machine)
+    Projections().show(console, store, here.machine)
     printed = console.export_text(clear=False)
     assert printed.count("4 x 4 ") == 4 and f"{1e3 * here.step:.3g}" in printed and "…" not in printed
-    print_projections(console, store, "another machine")
+    Projections().show(console, store, "another machine")
     assert console.export_text().count("4 x 4 ") == 4
 
 
@@ -115,29 +112,27 @@ def _gpu_store(path) -> Store:
     scenes += [(entry.ours(), entry.seconds / 5) for entry in PUBLISHED]
     for scene, step in scenes:
         case = case_of(scene, "gpu", "float32")
-        store.add_measure(run, case.description, "s", STEP, step, "s", None)
-        store.add_measure(run, case.description, "s", RATE, projections_of(case.scene) / step, "1/s", None)
+        store.add_measure(run, case.description, "s", Projections.step, step, "s", None)
+        store.add_measure(
+            run, case.description, "s", Projections.rate, Projections().work(case.scene) / step, "1/s", None
+        )
     return store
 
 
 def test_others_times_are_set_beside_ours(tmp_path):
     with _gpu_store(tmp_path / "gpu.sqlite") as store:
-        found = points(measures(store))
-        assert [entry.seconds / point.step for entry, point in beside_published(found)] == pytest.approx(
-            [5.0] * len(PUBLISHED)
-        )
         results = load(store)
-    claims = {name: claim(results) for name, claim in CLAIMS.items()}
+    claims = {name: claim(results) for name, claim in claims_of(Projections()).items()}
     assert not claims["projection-orderings"].supported  # Jacobi was not timed
     with settings():
-        rates = projections.draw(results)
+        rates = draw(Projections(), results)
     assert rates.sources and labels(rates.figure) == LABELS["projections"]
 
 
 def test_nothing_is_claimed_of_nothing(store):
     """Four masses a side are not what rates are told of."""
     results = load(store)
-    claims = {name: claim(results) for name, claim in CLAIMS.items()}
+    claims = {name: claim(results) for name, claim in claims_of(Projections()).items()}
     assert claims["projection-orderings"].supported
     rates = claims["projection-rates"]
     assert not rates.supported and rates.sentence.endswith(".")
@@ -148,4 +143,4 @@ def test_nothing_is_claimed_of_nothing(store):
 )
 def test_what_cannot_be_timed_is_refused(tmp_path, how):
     with Store(tmp_path / "r.sqlite") as store, pytest.raises(SceneError):
-        run_projections(store, progress=False, **how)
+        Projections()(store, progress=False, **how)

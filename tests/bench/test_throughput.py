@@ -12,25 +12,21 @@ from typer.testing import CliRunner
 
 from softlab.bench.experiments import throughput
 from softlab.bench.experiments.throughput import (
-    RATES,
-    ThroughputPoint,
+    Throughput,
     bodies,
     cube,
-    groups,
     heap,
     jelly,
     kind_of,
-    points,
-    run_throughput,
 )
 from softlab.bench.measure.case_timing import make_case
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import measures
-from softlab.labbook.claims.throughput import CLAIMS
+from softlab.labbook.claims.declared import claims_of
 from softlab.model.base.errors import SceneError
+from softlab.plots.core.declared import draw
 from softlab.plots.core.read import load
 from softlab.plots.core.style import settings
-from softlab.plots.figures import throughput as figure
 
 
 def test_the_scenes_are_what_they_are_called() -> None:
@@ -59,11 +55,11 @@ def test_the_scenes_are_what_they_are_called() -> None:
 
 def test_quick_is_a_part_of_the_whole_and_a_cpu_gets_no_ten_thousand() -> None:
     def cases(quick: bool) -> set[str]:
-        return {c.scene.canonical() for g in groups(["cpu"], quick, ("float32",), throughput.KINDS) for c in g}
+        return {c.scene.canonical() for g in Throughput().groups(["cpu"], quick, ("float32",)) for c in g}
 
     whole, quick = cases(False), cases(True)
     assert quick < whole and len(quick) == 9 and heap(50).canonical() in quick
-    assert {len(g) for g in groups(["cpu"], True, ("float32", "float64"), ["heap"])} == {2}
+    assert {len(g) for g in Throughput().groups(["cpu"], True, ("float32", "float64"), ["heap"])} == {2}
 
 
 @pytest.fixture(scope="module")
@@ -74,13 +70,13 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Store]:
         Store(tmp_path_factory.mktemp("throughput") / "results.sqlite") as opened,
     ):
         patch.setattr(throughput, "QUICK_GRIDS", (12,))
-        summary = run_throughput(opened, quick=True, backends=["cpu"], kinds=["grid"], progress=False)
+        summary = Throughput()(opened, quick=True, backends=["cpu"], kinds=["grid"], progress=False)
         assert (summary.measured, summary.skipped) == (3, [])
         yield opened
 
 
 def test_a_rate_is_particles_over_the_median_substep(store: Store) -> None:
-    found = points(measures(store))
+    found = Throughput().rows(measures(store))
     assert [p.region for p in found] == [1, 2, 4] and {p.particles for p in found} == {144}
     for point in found:
         assert point.rate * point.step == pytest.approx(144) and point.kernel and point.bodies == 0
@@ -97,7 +93,7 @@ def _made_up(path: Any) -> Store:
     scenes += [(cube(6, region), 1e-9 + 1e-11 * region) for region in throughput.REGIONS]
     for scene, each in scenes:
         case = make_case(scene, "gpu", "float32", "")
-        numbers = RATES.numbers(scene, each * scene.grid.particle_count, "graph")
+        numbers = Throughput().numbers(scene, each * scene.grid.particle_count, "graph")
         for name, (value, unit, reason) in numbers.items():
             store.add_measure(run, case.description, "s", name, value, unit, reason)
     return store
@@ -105,15 +101,15 @@ def _made_up(path: Any) -> Store:
 
 def test_what_is_claimed_and_drawn(tmp_path: Any) -> None:
     with _made_up(tmp_path / "gpu.sqlite") as made:
-        (point,) = [p for p in points(measures(made)) if p.kind == "heap"]
-        assert isinstance(point, ThroughputPoint) and (point.bodies, point.kernel) == (50, "graph")
+        (point,) = [p for p in Throughput().rows(measures(made)) if p.kind == "heap"]
+        assert (point.bodies, point.kernel) == (50, "graph")
         results = load(made)
-    found = {name: claim(results) for name, claim in CLAIMS.items()}
+    found = {name: claim(results) for name, claim in claims_of(Throughput()).items()}
     assert all(claim.supported for claim in found.values())
     assert found["throughput-heaps"].numbers["gpu 50"] == pytest.approx(1 / (8e-9 * point.particles))
     assert found["throughput-contacts"].numbers["gpu 50"] == pytest.approx(4.0)
     with settings():
-        drawing = figure.draw(results)
+        drawing = draw(Throughput(), results)
     assert not isinstance(drawing, str) and drawing.sources
     assert labels(drawing.figure) == LABELS["throughput"]
 
@@ -121,9 +117,9 @@ def test_what_is_claimed_and_drawn(tmp_path: Any) -> None:
 def test_nothing_is_claimed_of_nothing(tmp_path: Any) -> None:
     with Store(tmp_path / "empty.sqlite") as empty:
         results = load(empty)
-    for claim in CLAIMS.values():
+    for claim in claims_of(Throughput()).values():
         assert not claim(results).supported
-    assert isinstance(figure.draw(results), str)
+    assert isinstance(draw(Throughput(), results), str)
 
 
 def test_the_command_times_what_was_asked_for_once(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -136,12 +132,14 @@ def test_the_command_times_what_was_asked_for_once(tmp_path: Any, monkeypatch: p
         done = CliRunner().invoke(cli.app, words)
         assert done.exit_code == 0 and said in done.output, done.output
     with Store(path, readonly=True) as opened:
-        assert {(p.precision, p.particles, p.kind) for p in points(measures(opened))} == {("float32", 144, "grid")}
+        assert {(p.precision, p.particles, p.kind) for p in Throughput().rows(measures(opened))} == {
+            ("float32", 144, "grid")
+        }
 
 
 def test_what_there_is_not_is_told(tmp_path: Any) -> None:
     with Store(tmp_path / "none.sqlite") as opened:
         with pytest.raises(SceneError, match="--kind"):
-            run_throughput(opened, kinds=["gas"])
+            Throughput()(opened, kinds=["gas"])
         with pytest.raises(SceneError, match=r"^precision = "):
-            run_throughput(opened, precisions=["float16"])
+            Throughput()(opened, precisions=["float16"])

@@ -62,13 +62,13 @@ MEASURING = {  # command -> what does its work
     "sweep --kernels": "softlab.bench.experiments.kernel_sweep.run_kernel_sweep",
     "sweep --peers": "softlab.bench.peers.sweep.run_peers",
     "accuracy --no-findings": "softlab.bench.experiments.accuracy.experiment.run_accuracy",
-    "accuracy": "softlab.bench.experiments.findings.experiment.run_findings",
+    "accuracy": "softlab.bench.experiments.findings.experiment.Findings.__call__",
     "stability": "softlab.bench.experiments.stability.experiment.run_stability",
-    "projections": "softlab.bench.experiments.projections.run_projections",
-    "throughput": "softlab.bench.experiments.throughput.run_throughput",
-    "fluids": "softlab.bench.experiments.fluids.run_fluids",
-    "bar": "softlab.bench.experiments.bar.run_bar",
-    "tetrahedra": "softlab.bench.experiments.tetrahedra.run_tetrahedra",
+    "projections": "softlab.bench.experiments.projections.Projections.__call__",
+    "throughput": "softlab.bench.experiments.throughput.Throughput.__call__",
+    "fluids": "softlab.bench.experiments.fluids.Fluids.__call__",
+    "bar": "softlab.bench.experiments.bar_rows.BarMaterial.__call__",
+    "tetrahedra": "softlab.bench.experiments.tetrahedral.decides.Tetrahedra.__call__",
     "ablate lab-grid": "softlab.bench.experiments.advise.ablate.ablate",
 }
 EVERY = MEASURING | {
@@ -125,13 +125,13 @@ def test_the_status_tells_how_it_ended(
     monkeypatch.setattr(sys, "argv", ["softlab", *command.split()])
     for path in MEASURING.values():  # what comes before or after in the same command
         monkeypatch.setattr(path, lambda *_, **__: DONE)
-    monkeypatch.setattr("softlab.bench.experiments.findings.costs.run_costs", lambda *_, **__: DONE)
-    monkeypatch.setattr("softlab.bench.experiments.tetrahedral.meshes.run_meshes", lambda *_, **__: DONE)
-    monkeypatch.setattr("softlab.bench.experiments.bar_costs.run_bar_costs", lambda *_, **__: DONE)
-    monkeypatch.setattr("softlab.bench.experiments.convergence.run_convergence", lambda *_, **__: DONE)
+    monkeypatch.setattr("softlab.bench.experiments.findings.costs.Costs.__call__", lambda *_, **__: DONE)
+    monkeypatch.setattr("softlab.bench.experiments.tetrahedral.meshes.Meshes.__call__", lambda *_, **__: DONE)
+    monkeypatch.setattr("softlab.bench.experiments.bar_costs.BarCosts.__call__", lambda *_, **__: DONE)
+    monkeypatch.setattr("softlab.bench.experiments.convergence.Convergence.__call__", lambda *_, **__: DONE)
     for path in ("softlab.bench.measure.tables.print_sweep", "softlab.bench.measure.tables.print_kernels",
                  "softlab.bench.peers.results.print_peers",
-                 "softlab.bench.experiments.throughput.print_throughput", "softlab.bench.experiments.fluids.print_fluids",
+                 "softlab.bench.experiments.throughput.Throughput.show", "softlab.bench.experiments.fluids.Fluids.show",
                  "softlab.bench.experiments.advise.ablation_results.print_ablation",
                  "softlab.bench.stress.report.print_hard"):  # fmt: skip
         monkeypatch.setattr(path, lambda *_: None)

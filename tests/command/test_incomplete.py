@@ -19,7 +19,7 @@ from softlab.app.outcome import fault_lines, fault_words, outcome_of
 from softlab.app.output.files import write_state
 from softlab.app.window.demo import Demo
 from softlab.app.window.demo_report import numbers_text
-from softlab.bench.experiments.throughput import RATES, heap, points
+from softlab.bench.experiments.throughput import Throughput, heap
 from softlab.bench.measure.timing import Neighbours, Subject, incomplete
 from softlab.bench.store.marks import is_wrong
 from softlab.model.base.errors import Diverged
@@ -185,11 +185,11 @@ def test_a_rate_of_an_incomplete_state_wins_nothing() -> None:
     """It is in the table with a mark, and in no figure or sentence."""
     scene = heap(50)
     for mark, wrong in ((None, False), ("incomplete: 3 contacts lost", True), ("load: other programs", False)):
-        numbers = RATES.numbers(scene, 1e-3, "fused", mark)
+        numbers = Throughput().numbers(scene, 1e-3, "fused", mark)
         description = {"scene": json.loads(scene.canonical()), "backend": "cpu", "precision": "float32"}
         kept = [measure_of(name, value, description) for name, value in numbers.items()]
-        assert [p.incomplete for p in points(kept, every=True)] == [wrong]
-        assert len(points(kept)) == (not wrong)
+        assert [p.incomplete for p in Throughput().rows(kept, every=True)] == [wrong]
+        assert len(Throughput().rows(kept)) == (not wrong)
 
 
 def measure_of(name: str, value: tuple[Any, str, str | None], description: dict[str, Any]) -> Any:

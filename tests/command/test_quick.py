@@ -60,7 +60,8 @@ def test_hard_has_every_case_of_forces_in_one_precision_and_eight_kernels(monkey
 
 def test_projections_have_two_sizes_two_orderings_and_four_kernels() -> None:
     quick, whole = (
-        [case for group in projections.groups(["cpu"], q, ("float32",)) for case in group] for q in (True, False)
+        [case for group in projections.Projections().groups(["cpu"], q, ("float32",)) for case in group]
+        for q in (True, False)
     )
     assert {str(case.description) for case in quick} < {str(case.description) for case in whole}
     found = [case.scene for case in quick]
@@ -71,10 +72,11 @@ def test_projections_have_two_sizes_two_orderings_and_four_kernels() -> None:
 
 
 def test_throughput_leaves_the_lattice_out_unless_it_is_asked_for() -> None:
+    one = throughput.Throughput()
     asked = [
         {throughput.kind_of(case.scene) for group in groups for case in group}
         for groups in (
-            throughput.groups(["cpu"], quick, ("float32",), kinds)
+            one.groups(["cpu"], quick, **one.picked({"kinds": kinds}, quick))
             for quick, kinds in ((True, None), (True, ["lattice"]), (False, None))
         )
     ]

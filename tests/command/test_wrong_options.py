@@ -42,7 +42,7 @@ RUN = "run lab-grid --steps 0 --no-judge"
         ("sweep --kernel fused", "applies to --kernels; add --kernels"),
         ("fluids --peers", "--peers = True: applies to --truth and --rest; add one of them"),
         ("fluids --rest --truth", "--rest = True: cannot be combined with --truth; leave one out"),
-        ("fluids --rest --precision float64", "applies to speeds; leave out --truth and --rest"),
+        ("fluids --rest --precision float64", "does not apply to --rest; leave one out"),
     ],
 )
 def test_it_says_what_was_given_and_what_to_do(

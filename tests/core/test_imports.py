@@ -40,11 +40,11 @@ ORDER = {
     ),
     "bench": (
         "store", "keys", "measure", "reference", "experiments", "stress", "peers cluster", "options",
-        "advice_commands commands scale_commands sweep_commands",
+        "advice_commands commands declared_commands scale_commands sweep_commands",
     ),
     "plots": ("core", "figures", "findings", "draw"),
     "labbook": (
-        "words", "listings machines tables", "claims answer grid_tables", "facts rungs", "build", "film", "jobs", "commands",
+        "listings machines tables", "claims answer grid_tables", "facts rungs", "build", "film", "jobs", "commands",
     ),
 }  # fmt: skip
 

@@ -1,9 +1,11 @@
 """The model of many GPUs, where closed forms are known."""
 
+from types import SimpleNamespace
+
 import pytest
 from rich.console import Console
 
-from softlab.bench.experiments.scaling.experiment import ScalingPoint, speedups
+from softlab.bench.experiments.scaling.experiment import speedups
 from softlab.bench.experiments.scaling.model import (
     MASS_BYTES,
     Cluster,
@@ -126,9 +128,10 @@ def test_the_model_is_held_against_what_was_measured():
 
     def point(gpus, step, rows=4096):
         rate = rows * rows / step
-        return ScalingPoint(
-            "m", "gpu", "float32", "tiles", step, rate, "grid", rows, rows, gpus, "flags", None, 0.0, None
-        )
+        return SimpleNamespace(
+            machine="m", precision="float32", step=step, rate=rate, sheet="grid", rows=rows, columns=rows, gpus=gpus,
+            link="flags", exchange_every=None,
+        )  # fmt: skip
 
     ((p, faster, model),) = speedups([point(1, 4.0), point(2, 2.0), point(2, 1.0, rows=8192)])
     assert (p.gpus, faster) == (2, 2.0) and 1.5 < model < 2.0

@@ -20,10 +20,10 @@ from softlab.bench.experiments.fluid_rest import (
     SPEED,
     TANK,
     TIMES,
+    FluidRest,
     Still,
     print_rest,
     rows,
-    run_rest,
     settings,
     watched,
 )
@@ -91,17 +91,17 @@ def test_it_is_measured_stored_told_and_resumed(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(fluid_rest, "SCHEMES", ("macklin",))
     store, text = Store(":memory:"), io.StringIO()
     how: dict[str, Any] = {"quick": True, "backends": ["cpu"], "progress": False}
-    assert run_rest(store, **how).measured == 2
-    assert run_rest(store, **how).measured == 0
+    assert FluidRest()(store, **how).measured == 2
+    assert FluidRest()(store, **how).measured == 0
     found = {row.kind: row for row in rows(measures(store))}
     assert set(found) == set(SCENES) and set(found[TANK].speed) == {0.5, 1}
     assert 0 < found[TANK].late < 0.1 and found[TANK].gain < 1e-3, "water settles, and its height falls"
     assert 0 < found[BOX].late < 1e-3, "a disturbance of a millionth of a metre stays small"
-    print_rest(Console(file=text, width=200), store, run_rest(store, **how).machine)
+    print_rest(Console(file=text, width=200), store, FluidRest()(store, **how).machine)
     assert TANK in text.getvalue() and f"{100 * found[TANK].late:.2g}" in text.getvalue()
 
 
 def test_a_peer_that_is_not_here_is_an_error_that_says_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     with pytest.raises(BackendUnavailable, match=r"SPlisHSPlasH is not here; pip install"):
-        run_rest(Store(":memory:"), quick=True, backends=["cpu"], progress=False, peers=True)
+        FluidRest()(Store(":memory:"), quick=True, backends=["cpu"], progress=False, peers=True)

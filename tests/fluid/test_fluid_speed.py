@@ -13,11 +13,10 @@ from softlab.bench.experiments.fluids import (
     LARGE,
     PHASES,
     POOLS,
-    RATES,
+    Fluids,
     moved_bytes,
     operations,
     phase_name,
-    points,
     pool,
 )
 from softlab.bench.measure import experiment
@@ -31,7 +30,7 @@ from softlab.model.scene.scene import load_scene
 @pytest.mark.parametrize("count", [1000, 8000])
 def test_pools_hold_what_they_are_called(count: int) -> None:
     scene = pool(count)
-    assert fluids.count_of(scene) == count and fluids.particle_iterations(scene) == 6 * count
+    assert fluids.count_of(scene) == count and Fluids().work(scene) == 6 * count
     assert all(nx * ny * nz == count and ny <= 20 for count, (nx, ny, nz) in (POOLS | LARGE).items())
 
 
@@ -40,27 +39,27 @@ def test_every_stage_of_the_plan_is_told() -> None:
     assert list(dict.fromkeys(stage.name for stage in fluid_plan(scene).root.stages())) == list(PHASES)
     free = pool(1000, "divergence-free")
     assert list(dict.fromkeys(stage.name for stage in fluid_plan(free).root.stages())) == list(FREE_PHASES)
-    assert fluids.particle_iterations(free) == 2 * fluids.particle_iterations(scene)
+    assert Fluids().work(free) == 2 * Fluids().work(scene)
     assert all(moved_bytes(phase, 24.0) > 0 and operations(scene, phase) > 0 for phase in PHASES)
     assert all(moved_bytes(phase, 24.0) > 0 and operations(free, phase) > 0 for phase in FREE_PHASES)
     assert moved_bytes("density", 10.0) - moved_bytes("density", 0.0) == 40
 
 
 def test_quick_is_a_part_of_the_whole() -> None:
-    counts = {fluids.count_of(case.scene) for group in fluids.groups(["cpu"], True, ("float32",)) for case in group}
+    counts = {fluids.count_of(case.scene) for group in Fluids().groups(["cpu"], True, ("float32",)) for case in group}
     assert counts == set(fluids.QUICK) < set(POOLS) and not set(LARGE) & set(POOLS)
 
 
 def test_what_is_stored_comes_back(tmp_path: Path) -> None:
-    case = fluids.groups(["cpu"], True, ("float32",))[0][0]
+    case = Fluids().groups(["cpu"], True, ("float32",))[0][0]
     with Store(tmp_path / "store.sqlite") as store:
         store.add_machine("here", "here", {})
         run = store.start_run("here", "softlab fluids")
         alone = {phase_name(phase): (1e-3 * n, "s", "alone") for n, phase in enumerate(PHASES, 1)}
         experiment.store_measures(store, run, case.description, case.sources, alone)
-        numbers = RATES.numbers(case.scene, 0.01, "fused")
+        numbers = Fluids().numbers(case.scene, 0.01, "fused")
         experiment.store_measures(store, run, case.description, case.sources, numbers)
-        (point,) = points(measures(store, machine="here"))
+        (point,) = Fluids().rows(measures(store, machine="here"))
         assert point.particles == 1000 and point.rate == pytest.approx(6e5) and point.kernel == "fused"
         assert point.phases == {phase: pytest.approx(1e-3 * n) for n, phase in enumerate(PHASES, 1)}
         assert point.scheme == "macklin"
@@ -71,10 +70,10 @@ def test_what_is_stored_comes_back(tmp_path: Path) -> None:
             fluids.LEVEL: (1.01, "", ""),
         }
         experiment.store_measures(
-            store, run, cup.description, cup.sources, told | RATES.numbers(cup.scene, 0.04, "fused")
+            store, run, cup.description, cup.sources, told | Fluids().numbers(cup.scene, 0.04, "fused")
         )
         console = Console(width=140, record=True)
-        fluids.print_fluids(console, store, "here")
+        Fluids().show(console, store, "here")
         text = console.export_text()
         assert all(phase in text for phase in PHASES)
         assert all(word in text for word in ("0.2500", "0.7000", "0.0500", "1.0100"))

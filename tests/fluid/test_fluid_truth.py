@@ -11,8 +11,8 @@ import pytest
 from rich.console import Console
 
 from softlab.bench.experiments.fluid_truth import experiment, laws, scenes
-from softlab.bench.experiments.fluid_truth.experiment import LABELS, groups, run_truth
-from softlab.bench.experiments.fluid_truth.rows import NUMBERS, Judged, print_truth, rows, tensions
+from softlab.bench.experiments.fluid_truth.experiment import LABELS, groups
+from softlab.bench.experiments.fluid_truth.rows import NUMBERS, FluidTruth, Judged, print_truth, rows, tensions
 from softlab.bench.experiments.fluid_truth.scenes import (
     COLUMN,
     DAM,
@@ -222,7 +222,7 @@ def test_it_is_really_measured(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(laws, "DAM_SECONDS", 0.01)
     with Store(":memory:") as store:
         for peers, held in ((False, 0), (True, 0), (True, 1)):
-            summary = run_truth(store, quick=True, backends=["cpu"], progress=False, peers=peers)
+            summary = FluidTruth()(store, quick=True, backends=["cpu"], progress=False, peers=peers)
             assert (summary.measured, summary.stored) == (1 - held, held)
         found = {row.who: row for row in rows(measures(store))}
         printed = io.StringIO()

@@ -115,12 +115,8 @@ def test_other_kernels_are_measured_anew(
 
 
 def test_every_experiment_has_a_version() -> None:
-    from softlab.bench.experiments import bar, bar_costs, busy, convergence, projections, tetrahedra, throughput
-    from softlab.bench.experiments.findings import costs, experiment
-    from softlab.bench.experiments.fluid_truth import experiment as truth
-    from softlab.bench.experiments.tetrahedral import meshes
+    from softlab.bench.experiments.registry import experiments
 
-    modules = (bar, bar_costs, busy, convergence, projections, tetrahedra, throughput, costs, experiment, truth, meshes)
-    named = {one.name for module in modules for name, one in vars(module).items() if name.startswith("run_")}
+    named = {one.name for one in experiments()}
     assert named <= set(MEASURING), named - set(MEASURING)
     assert sweep and {"sweep", "accuracy", "stability", "hard cases"} <= set(MEASURING)

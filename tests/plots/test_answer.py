@@ -8,9 +8,9 @@ from synthetic_store import CPU_RECORD, GPU_RECORD, Maker
 
 from softlab.bench.experiments.accuracy.experiment import STAGE
 from softlab.bench.experiments.accuracy.points import SUSPECT_NOTE, AccuracySummary
+from softlab.bench.measure import words
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import configuration
-from softlab.labbook import words
 from softlab.labbook.answer import DASH, HEAD, SUSPECT, winner_tables
 from softlab.labbook.claims import accuracy, comparison
 from softlab.model.scene.scene import load_scene

@@ -12,7 +12,7 @@ from synthetic_store import GPU_RECORD, Maker
 
 from softlab.bench.experiments import bar_costs
 from softlab.bench.experiments.bar import FINEST, SOLVERS, SOME_LINKS, STRIP, SUBSTEPS, TETRAHEDRA
-from softlab.bench.experiments.bar_costs import COST, costs, groups, print_bar_costs, run_bar_costs, settings
+from softlab.bench.experiments.bar_costs import COST, BarCosts, costs, groups, settings
 from softlab.bench.experiments.bar_rows import JELLY
 from softlab.bench.experiments.bar_strip import (
     FRAME,
@@ -56,7 +56,7 @@ def test_they_are_really_timed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("softlab.bench.measure.costs_timing.QUICK", bar_costs.Effort(2, 1e-3, 0.01))
     with Store(":memory:") as store:
         for held in (0, 1):
-            summary = run_bar_costs(store, quick=True, backends=["cpu"], progress=False)
+            summary = BarCosts()(store, quick=True, backends=["cpu"], progress=False)
             assert (summary.measured, summary.stored) == (1 - held, held)
         held_measures = measures(store)
         found = costs(held_measures)
@@ -65,7 +65,7 @@ def test_they_are_really_timed(monkeypatch: pytest.MonkeyPatch) -> None:
         (refused,) = (m for m in held_measures if m.name == SECONDS and m.value is None)
         assert refused.description["substeps"] == 1 and "limit" in (refused.reason or "")
         console = Console(width=120, record=True, file=io.StringIO())
-        print_bar_costs(console, store, summary.machine)
+        BarCosts().show(console, store, summary.machine)
     assert "frame / ms" in console.export_text()
 
 

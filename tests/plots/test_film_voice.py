@@ -10,7 +10,7 @@ import pytest
 from test_film import RATE
 
 from softlab.app.output import voice
-from softlab.labbook import words
+from softlab.bench.measure import words
 from softlab.labbook.film.sound import LOUDNESS, levelled, spoken
 
 # ---------------------------------------------------------------------- who speaks

@@ -25,11 +25,9 @@ from softlab.bench.experiments.fluid_truth.scenes import (
 from softlab.bench.experiments.fluids import (
     FRAME,
     PHASES,
-    RATE,
-    STEP,
+    Fluids,
     moved_bytes,
     operations,
-    particle_iterations,
     phase_name,
     pool,
 )
@@ -99,7 +97,7 @@ def results() -> Results:
     for backend in ("cpu", "gpu"):
         case = make_case(scene, backend, "float32", "1000 particles")
         step = 1e-3
-        for name, value in ((STEP, step), (RATE, particle_iterations(scene) / step)):
+        for name, value in ((Fluids.step, step), (Fluids.rate, Fluids().work(scene) / step)):
             store.add_measure(maker.run, case.description, "s", name, value, "s", None)
         for number, phase in enumerate(PHASES, 1):
             store.add_measure(maker.run, case.description, "s", phase_name(phase), number * TAKEN * 1000, "s", "alone")

@@ -11,7 +11,7 @@ import pytest
 from read_figures import LABELS, labels
 from synthetic_store import GPU_RECORD
 
-from softlab.bench.experiments.scaling.experiment import DIFFERENCE, JOULES, RATES, shared_case, sheet_of
+from softlab.bench.experiments.scaling.experiment import DIFFERENCE, JOULES, Scaling, shared_case, sheet_of
 from softlab.bench.store.database import Store
 from softlab.bench.store.transfer import load_text
 from softlab.labbook.build import committed_data
@@ -41,7 +41,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Results:
         run = store.start_run("two", "softlab sweep --gpus 2", None)
         for (scene, rows, columns, count, link), step in STEPS.items():
             case = shared_case(sheet_of(scene, rows, columns), "float32", count, link, None)
-            numbers = RATES.numbers(case.scene, step, "tiles") | {JOULES: (100 * count * step, "J", None)}
+            numbers = Scaling().numbers(case.scene, step, "tiles") | {JOULES: (100 * count * step, "J", None)}
             if count > 1:
                 numbers |= {DIFFERENCE: (0.0, "m", None)}
             for name, (value, unit, reason) in numbers.items():

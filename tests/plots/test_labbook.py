@@ -16,10 +16,10 @@ from hand_written import HAND_WRITTEN, failures
 from matplotlib.image import imread
 from synthetic_store import CPU_RECORD, GPU_RECORD, SIZES, Maker, cpu_store, gpu_store
 
+from softlab.bench.measure import words
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import open_readonly
 from softlab.bench.store.transfer import export
-from softlab.labbook import words
 from softlab.labbook.build import (
     CHAPTERS,
     CLAIMS,

@@ -38,9 +38,9 @@ def committed() -> Results:
 
 READERS: dict[str, Callable[[Any], Any]] = {
     "accuracy": accuracy_points.points,
-    "throughput": lambda source: throughput.points(source.measures),
-    "projections": lambda source: projections.points(source.measures),
-    "gpus": lambda source: scaling.points(source.measures),
+    "throughput": lambda source: throughput.Throughput().rows(source.measures),
+    "projections": lambda source: projections.Projections().rows(source.measures),
+    "gpus": lambda source: scaling.Scaling().rows(source.measures),
     "stability": lambda source: stability_points.stability_of(source.measures),
     "ceilings": lambda source: roofline.ceilings(source, "cpu"),
 }

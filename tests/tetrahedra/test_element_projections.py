@@ -13,15 +13,11 @@ from softlab.bench.experiments.element_projections import (
     LARGE,
     MATERIALS,
     SWEPT,
+    ElementProjections,
     bar,
     count_of,
-    groups,
     moved_bytes,
     operations,
-    points,
-    print_element_projections,
-    projections_of,
-    run_element_projections,
 )
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import measures
@@ -33,7 +29,7 @@ from softlab.model.base.errors import SceneError
 def test_a_bar_has_as_many_tetrahedra_as_it_says(count: int, sweep: str) -> None:
     scene = bar(count, sweep, "neo-hookean")
     assert count_of(scene) == count == len(scene.tetrahedra_set.tetrahedra)
-    assert projections_of(scene) == count * scene.method.substeps
+    assert ElementProjections().work(scene) == count * scene.method.substeps
     assert set(scene.tetrahedra_set.run) == {5 if sweep == "voxels" else 1}
 
 
@@ -62,11 +58,15 @@ def test_what_a_tetrahedron_must_take() -> None:
 
 def test_quick_is_a_part_of_the_whole() -> None:
     every, quick = (
-        {case.scene.canonical() for group in groups(["cpu"], quick, ("float32",)) for case in group}
+        {
+            case.scene.canonical()
+            for group in ElementProjections().groups(["cpu"], quick, ("float32",))
+            for case in group
+        }
         for quick in (False, True)
     )
     assert quick < every and len(every) == len(BARS | SWEPT) * len(MATERIALS) * 2 + len(FREE) * 2
-    most = groups(["gpu"], False, ("float32",))[-1]
+    most = ElementProjections().groups(["gpu"], False, ("float32",))[-1]
     assert {case.scene.tetrahedra["bar"].sweep for case in most} == {"voxels"}
 
 
@@ -75,20 +75,23 @@ def test_rates_are_kept_and_told(tmp_path: object, monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr("softlab.bench.experiments.element_projections.SMALL_STEPS", 1)
     monkeypatch.setattr("softlab.bench.measure.case_timing.SAMPLE_SECONDS", 0.002)
     with Store(tmp_path / "results.sqlite") as store:  # type: ignore[operator]
-        summary = run_element_projections(store, quick=True, backends=["cpu"], progress=False)
+        summary = ElementProjections()(store, quick=True, backends=["cpu"], progress=False)
         assert (summary.measured, summary.skipped) == (2, [])
-        assert run_element_projections(store, quick=True, backends=["cpu"], progress=False).stored == 2
-        found = points(measures(store))
+        assert ElementProjections()(store, quick=True, backends=["cpu"], progress=False).stored == 2
+        found = ElementProjections().rows(measures(store))
         assert [(p.tetrahedra, p.sweep) for p in found] == [(400, "tetrahedra"), (400, "voxels")]
         assert all(p.rate * p.step == pytest.approx(400) for p in found)
         console = Console(width=120, record=True, file=io.StringIO())
-        print_element_projections(console, store, summary.machine)
+        ElementProjections().show(console, store, summary.machine)
     text = console.export_text()
     assert text.count("neo-hookean") >= 2 and "limits in float32" in text and "%" in text
 
 
 def test_sheets_have_sizes_and_bars_do_not(tmp_path: object) -> None:
-    from softlab.bench.commands import projections
+    from softlab.bench.declared_commands import command_function
+    from softlab.bench.experiments.registry import experiments
 
-    with pytest.raises(SceneError, match="applies to sheets"):
-        projections(size=[8], tetrahedra=True)
+    projections = command_function(experiments("projections"))
+    given = {"quick": True, "size": [8], "tetrahedra": True, "backend": None, "precision": None, "store": tmp_path}
+    with pytest.raises(SceneError, match="--size = 8: does not apply to --tetrahedra"):
+        projections(**given)

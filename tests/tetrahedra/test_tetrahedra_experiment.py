@@ -23,7 +23,6 @@ from softlab.bench.experiments.tetrahedra import (
     SAG,
     SOLVER_ERROR,
     groups,
-    run_tetrahedra,
     settings,
 )
 from softlab.bench.experiments.tetrahedral import cantilever as cantilever_module
@@ -38,7 +37,7 @@ from softlab.bench.experiments.tetrahedral.cantilever import (
     lacking,
     sag,
 )
-from softlab.bench.experiments.tetrahedral.decides import decisions, targets
+from softlab.bench.experiments.tetrahedral.decides import Tetrahedra, decisions, targets
 from softlab.bench.measure.costs_timing import SECONDS
 from softlab.bench.measure.experiment import described
 from softlab.bench.measure.machine import enter_machine
@@ -79,7 +78,7 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Store]:
             patch.setattr(tetrahedra, "FRAMES", 90)
             few = {name: some[:1] for name, some in tetrahedra.QUICK_SETTINGS.items()}
             patch.setattr(tetrahedra, "QUICK_SETTINGS", few)
-            summary = run_tetrahedra(opened, quick=True, backends=["cpu"], precisions=["float64"], progress=False)
+            summary = Tetrahedra()(opened, quick=True, backends=["cpu"], precisions=["float64"], progress=False)
         assert summary.measured == 1
         yield opened
 
@@ -108,7 +107,7 @@ def test_rows_and_references_outlast_an_interruption(tmp_path: Path, monkeypatch
         monkeypatch.setattr(tetrahedra, name, lambda *_: 0.1)
     monkeypatch.setattr(tetrahedra, "prepare", lambda subject, *_: subject)
     with Store(tmp_path / "results.sqlite") as opened:
-        (group,) = groups(opened, ["cpu"], True, ["float64"], young=[1e6], solvers=["xpbd"])
+        (group,) = groups(opened, ["cpu"], True, ["float64"], [2], [1e6], ["xpbd"])
         group = replace(group, measure=partial(tetrahedra._bar, 1, 1e6, [cantilever(1, 1e6, "xpbd", 4, 1)],
                                                group.descriptions[:1], tetrahedra.QUICK))  # fmt: skip
         machine = enter_machine(opened)
@@ -146,11 +145,12 @@ def test_both_errors_are_told_apart(store: Store) -> None:
 
 
 def test_quick_is_a_part_of_the_whole(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(tetrahedra, "SECTIONS", (1, 2, 4))
+    across = replace(Tetrahedra.options["across"], values=(1, 2, 4))
+    monkeypatch.setattr(Tetrahedra, "options", Tetrahedra.options | {"across": across})
 
     def cases(quick: bool) -> set[str]:
         with Store(":memory:") as empty:
-            found = groups(empty, ["cpu"], quick, ("float32",))
+            found = Tetrahedra().items(empty, ["cpu"], quick, **Tetrahedra().picked({}, quick))
         return {str(one["scene"]) for group in found for one in group.descriptions}
 
     assert cases(True) < cases(False)
@@ -258,7 +258,7 @@ def test_what_takes_too_long_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tetrahedra, "QUICK_SETTINGS", dict.fromkeys(tetrahedra.SETTINGS, ()) | {"xpbd": ((4, 1),)})
     with Store(":memory:") as opened:
         for held in (0, 1):
-            summary = run_tetrahedra(opened, quick=True, backends=["cpu"], precisions=["float64"], progress=False)
+            summary = Tetrahedra()(opened, quick=True, backends=["cpu"], precisions=["float64"], progress=False)
             assert (summary.measured, summary.stored) == (1 - held, held)
         reasons = {m.name: m.reason or "" for m in measures(opened)}
         assert "would take" in reasons[MOTION_ERROR] and "would take" in reasons[SOLVER_ERROR]
@@ -307,4 +307,4 @@ def test_nothing_is_claimed_of_nothing(tmp_path: Any) -> None:
 
 def test_what_there_is_not_is_told(tmp_path: Any) -> None:
     with Store(tmp_path / "none.sqlite") as opened, pytest.raises(SceneError, match="backend"):
-        run_tetrahedra(opened, backends=["tpu"])
+        Tetrahedra()(opened, backends=["tpu"])

@@ -32,7 +32,6 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from softlab.bench.experiments.accuracy.cases import Case, cases
 from softlab.bench.experiments.accuracy.judgement import GROWTH, SOLVER, judge
@@ -113,8 +112,10 @@ def run_accuracy(
     def before(missing: Sequence[Case]) -> list[Job]:
         return _reference_jobs(missing, references(store))
 
-    how: dict[str, Any] = {"progress": progress, "command": command, "worth": lambda case: 2, "before": before}
-    resume(store, summary, list(groups.values()), is_stored, measure, **how)
+    resume(
+        store, summary, list(groups.values()), is_stored, measure, progress=progress, command=command,
+        worth=lambda case: 2, before=before,
+    )  # fmt: skip
     summary.points = _points(store, summary.machine, everything)
     summary.stop()
     return summary

@@ -110,9 +110,10 @@ def ablate(
     def measure(group: Sequence[Variant], report: Report) -> None:
         work.measure(group, report)
 
-    how: dict[str, Any] = {"progress": progress, "command": command, "worth": lambda variant: 2}
-    # whole: times are comparable only if sampled in turn
-    resume(store, summary, groups, is_stored, measure, whole=True, **how)
+    resume(
+        store, summary, groups, is_stored, measure, progress=progress, command=command, worth=lambda variant: 2,
+        whole=True,  # times are comparable only if sampled in turn
+    )  # fmt: skip
     descriptions = [variant.case.description for group in groups for variant in group]
     summary.tables = tables_of(measures_of(store, summary.machine, descriptions))
     summary.notes += _notes(scene, wanted, work.end, summary)

@@ -13,7 +13,7 @@ from rich.table import Column, Table
 
 from softlab.bench.experiments.accuracy.judgement import RESOLVED
 from softlab.bench.experiments.advise.ablation import ARITHMETIC, COARSER, FINER, FULL, INTEGRATOR, PART
-from softlab.bench.experiments.advise.advice import NOISE
+from softlab.bench.experiments.advise.budgets import NOISE
 from softlab.bench.experiments.advise.search import FLOOR
 from softlab.bench.experiments.growth import MAX_GROWTH, growth_words
 from softlab.bench.measure.experiment import Summary

@@ -1,4 +1,4 @@
-"""Answer of `softlab advise`: the fastest configuration for an error, the second, and the rejected ones with reasons."""
+"""BaseAdvice of `softlab advise`: the fastest configuration for an error, the second, and the rejected ones with reasons."""
 
 from __future__ import annotations
 
@@ -7,10 +7,9 @@ from typing import Any
 
 from softlab.bench.experiments.accuracy.methods import changes
 from softlab.bench.experiments.accuracy.points import method_words
+from softlab.bench.experiments.advise.budgets import NOISE, BaseAdvice
 from softlab.bench.experiments.growth import DISTURBANCE, growth_words
 from softlab.model.scene.scene import Scene
-
-NOISE = 1.1  # times whose ratio is smaller are called equal
 
 
 @dataclass(frozen=True)
@@ -61,8 +60,8 @@ class Choice:
 
 
 @dataclass(frozen=True)
-class Advice:
-    """Answer for one scene and error.
+class Advice(BaseAdvice[Choice]):
+    """BaseAdvice for one scene and error.
 
     `scene`: as requested; `error` [spacings]: requested at `time` [s]. `growth`: the factor by which a disturbance of
     1e-9 has grown by then. `choices`: every configuration that reaches the error and was timed, fastest first.
@@ -82,25 +81,9 @@ class Advice:
     machine: str = field(default="", compare=False)
 
     @property
-    def best(self) -> Choice | None:
-        return self.choices[0] if self.choices else None
-
-    @property
     def runner_up(self) -> Choice | None:
         """Second fastest choice."""
         return self.choices[1] if len(self.choices) > 1 else None
-
-    def configured(self) -> Scene:
-        """Return the scene with the method and step size of the best choice. Raises ValueError if there is none."""
-        if self.best is None:
-            raise ValueError(self.why or "no choice")
-        return self.scene.replace(self.best.changes)
-
-    def options(self) -> str:
-        """Return the options of `softlab run` for the settings that a scene file does not contain."""
-        best = self.best
-        assert best is not None
-        return f"--backend {best.backend} --precision {best.precision}"
 
     def heading(self) -> str:
         """Return the heading of the scene file that is written: the result, and the settings that a scene does not

@@ -1,17 +1,26 @@
-"""Base of the answers of `softlab advise` whose choices are budgets of a scene's own solvers, timed on the scene."""
+"""Answers of `softlab advise`, and the times of budgets of a scene's own solvers."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Any, Generic, Protocol, TypeVar
 
-from softlab.bench.experiments.advise.advice import NOISE
+from softlab.app.driver import open_simulation
+from softlab.bench.measure.costs_timing import QUICK, Measures, Record, in_turn
+from softlab.bench.measure.experiment import described
+from softlab.bench.measure.items import cost_sources
+from softlab.bench.measure.timing import Subject, prepare
+from softlab.bench.store.database import Store
+from softlab.model.base.errors import SoftlabError
 from softlab.model.scene.scene import Scene
 
+NOISE = 1.1  # times whose ratio is smaller are called equal
 
-class Timed(Protocol):
-    """A budget: `backend`, `precision`, and `seconds` per step of the scene."""
+
+class Chosen(Protocol):
+    """A configuration of a scene: `backend`, `precision`, and the `changes` of the scene."""
 
     @property
     def backend(self) -> str: ...
@@ -20,19 +29,73 @@ class Timed(Protocol):
     def precision(self) -> str: ...
 
     @property
-    def seconds(self) -> float: ...
+    def changes(self) -> dict[str, Any]:
+        """Fields of a scene, by dotted path, that select it."""
+
+
+class Timed(Chosen, Protocol):
+    """A budget, and `seconds` per step of the scene."""
 
     @property
-    def changes(self) -> dict[str, Any]:
-        """Fields of a scene, by dotted path, that select this budget."""
+    def seconds(self) -> float: ...
 
 
 B = TypeVar("B", bound=Timed)
+C = TypeVar("C", bound=Chosen)
+
+
+def time_in_turn(
+    store: Store, run: str, scene: Scene, budgets: Sequence[B], finding: str, files: Sequence[str]
+) -> tuple[list[tuple[B, Measures]], list[tuple[B, str]]]:
+    """Time steps of the scene with each budget, in turn; return (budget, its costs), and (budget, why it cannot be run).
+
+    `finding`: of the configurations; `files`: on which the times depend too.
+    """
+    ready, failed = [], []
+    with ExitStack() as stack:
+        for budget in budgets:
+            asked = scene.replace(budget.changes)
+            description = described(asked, budget.backend, finding, precision=budget.precision)
+            try:
+                simulation = stack.enter_context(
+                    open_simulation(asked, budget.backend, precision=budget.precision, allow_unstable=True)
+                )
+                ready.append((budget, prepare(Subject(simulation, description), QUICK.seconds, QUICK.most)))
+            except SoftlabError as problem:
+                failed.append((budget, str(problem)))
+        if not ready:
+            return [], failed
+        record = Record(store, run, cost_sources(ready[0][0].backend, *files))
+        costs = in_turn(record, [subject for _, subject in ready], QUICK.repeats)
+    return [(budget, numbers) for (budget, _), numbers in zip(ready, costs, strict=True)], failed
+
+
+class BaseAdvice(Generic[C]):
+    """Base of all answers: `scene`, as requested, `choices` that reach the error, fastest first, `why` there are none."""
+
+    scene: Scene
+    choices: tuple[C, ...]
+    why: str | None
+
+    @property
+    def best(self) -> C | None:
+        return self.choices[0] if self.choices else None
+
+    def configured(self) -> Scene:
+        """Return the scene with the settings of the best choice. Raises ValueError if there is none."""
+        if self.best is None:
+            raise ValueError(self.why or "no configuration reaches this error")
+        return self.scene.replace(self.best.changes)
+
+    def options(self) -> str:
+        """Return the options of `softlab run` for the settings that a scene file does not contain."""
+        assert self.best is not None
+        return f"--backend {self.best.backend} --precision {self.best.precision}"
 
 
 @dataclass(frozen=True)
-class BudgetAdvice(Generic[B]):
-    """Answer for one scene and error.
+class BudgetAdvice(BaseAdvice[B], Generic[B]):
+    """BaseAdvice for one scene and error.
 
     `error`: relative, as requested; `time` [s]: the end time; `choices`: the budgets that reach the error, timed,
     fastest first; `beaten`: (name, why it was rejected); `notes`: remarks; `seconds`: duration of the search.
@@ -45,21 +108,7 @@ class BudgetAdvice(Generic[B]):
     beaten: tuple[tuple[str, str], ...]
     notes: tuple[str, ...]
     seconds: float
-
-    @property
-    def best(self) -> B | None:
-        return self.choices[0] if self.choices else None
-
-    def configured(self) -> Scene:
-        """Return the scene with the best budget. Raises ValueError if there is none."""
-        if self.best is None:
-            raise ValueError("no configuration reaches this error")
-        return self.scene.replace(self.best.changes)
-
-    def options(self) -> str:
-        """Return the options of `softlab run` for the settings that a scene file does not contain."""
-        assert self.best is not None
-        return f"--backend {self.best.backend} --precision {self.best.precision}"
+    why: str | None = None
 
     def _text(self, asked: str, bases: Sequence[str], limits: str) -> str:
         """Return the whole text: the request `asked`, choices, what they are based on, rejections, notes, and the

@@ -29,12 +29,10 @@ from softlab.bench.experiments.accuracy.references import (
 from softlab.bench.experiments.advise.advice import Advice
 from softlab.bench.experiments.advise.search import Kind, Search, Task, disturbed
 from softlab.bench.experiments.growth import MAX_GROWTH, Growth
-from softlab.bench.measure.experiment import backends_here
-from softlab.bench.measure.machine import enter_machine
+from softlab.bench.measure.experiment import Summary, backends_here
 from softlab.bench.measure.progress import progress_bar
 from softlab.bench.reference import cache
 from softlab.bench.store.database import Store
-from softlab.bench.store.versions import code_version
 from softlab.model.base.errors import SceneError
 from softlab.model.core.build import pinned_indices
 from softlab.model.core.simulation import PRECISIONS
@@ -69,27 +67,24 @@ def advise(
     take too long, constraints without a force law), BackendUnavailable, InputError (the store). A chaotic motion, and
     an error that nothing reaches, are answers with a reason in `why`.
     """
-    begin = clock.perf_counter()
     end = END if time is None else time
     _check(scene, error, end, total_seconds)
-    chosen = backends_here(backends)
-    revision = code_version()
-    machine = enter_machine(store)
+    chosen, summary = backends_here(backends), Summary.begun(store, "advise")
     with progress_bar(progress) as bar:
         row = bar.add_task("growth of a perturbation", total=None)
         motion = newton(scene)
         growth = growth_of(motion, end, references(store))
-        advice = Advice(scene, error, end, growth.factor, machine=machine)
+        advice = Advice(scene, error, end, growth.factor, machine=summary.machine)
         if growth.chaotic:
-            return replace(advice, why=_chaos(growth), seconds=clock.perf_counter() - begin)
+            return replace(advice, why=_chaos(growth), seconds=clock.perf_counter() - summary.begin)
         bar.update(row, description="converged reference")
         right = converged_of(motion, end, references(store))
         if not right.estimate * RESOLVED <= error * scene.grid.spacing:
             off = right.estimate / scene.grid.spacing
             why = f"the reference itself is only accurate to {off:.1e} spacings; ask for a larger --error"
-            return replace(advice, why=why, seconds=clock.perf_counter() - begin)
-        run = store.start_run(machine, command, revision)
-        search = Search(store, Task(scene, error, end, growth, right, machine, run, begin + total_seconds))
+            return replace(advice, why=why, seconds=clock.perf_counter() - summary.begin)
+        run, deadline = summary.start(store, command), summary.begin + total_seconds
+        search = Search(store, Task(scene, error, end, growth, right, summary.machine, run, deadline))
         kinds = [
             Kind(name, precision, backend, iterations)
             for name in sorted(integrators, key=lambda name: (-order_of(name), position_based(name), sweeps(name)))
@@ -109,7 +104,7 @@ def advise(
         notes.append("the reference was computed by the lab's own rk4 in float64, since NumPy would have taken minutes")
     return replace(
         advice, choices=tuple(choices), beaten=tuple(search.beaten), why=None if choices else search.failure(),
-        notes=tuple(notes), seconds=clock.perf_counter() - begin,
+        notes=tuple(notes), seconds=clock.perf_counter() - summary.begin,
     )  # fmt: skip
 
 

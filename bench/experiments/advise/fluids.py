@@ -11,28 +11,25 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from math import inf, isfinite
-from pathlib import Path
 
 import numpy as np
 
 from softlab.app.driver import open_simulation
+from softlab.bench.experiments.advise.budgets import time_in_turn
 from softlab.bench.experiments.advise.fluids_advice import FluidAdvice, FluidBudget
 from softlab.bench.experiments.fluid_truth import laws
 from softlab.bench.experiments.fluid_truth.rows import Judged, rows
 from softlab.bench.experiments.fluid_truth.scenes import DAM, SCHEMES, WIDTH
-from softlab.bench.measure.costs_timing import QUICK, SECONDS, Record, in_turn
-from softlab.bench.measure.experiment import backends_here, described, store_measures
+from softlab.bench.measure.costs_timing import SECONDS
+from softlab.bench.measure.experiment import Summary, backends_here, described, store_measures
 from softlab.bench.measure.items import cost_sources
-from softlab.bench.measure.machine import enter_machine
 from softlab.bench.measure.progress import progress_bar
-from softlab.bench.measure.timing import Subject, incomplete, prepare
+from softlab.bench.measure.timing import incomplete
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import measures
-from softlab.bench.store.versions import code_version
-from softlab.model.base.errors import Diverged, SceneError, SoftlabError
+from softlab.model.base.errors import Diverged, SceneError
 from softlab.model.core.simulation import PRECISIONS
 from softlab.model.fluid.family import comes_to_rest, springs_back
 from softlab.model.fluid.measure import compression
@@ -119,11 +116,11 @@ def advise_fluids(
         raise SceneError(
             "--time", end, f"must be a finite number of seconds, at least one step of {scene.method.dt:g} s"
         )
-    begin, chosen = clock.perf_counter(), backends_here(backends)
+    chosen = backends_here(backends)
     precision = "float32" if "float32" in precisions else "float64"
-    search = _Search(scene, error, end, begin + total_seconds)
+    summary = Summary.begun(store, "advise")
+    search = _Search(scene, error, end, summary.begin + total_seconds)
     tried: list[FluidBudget] = []
-    revision, machine = code_version(), enter_machine(store)
     with progress_bar(progress) as bar:
         row = bar.add_task("schemes", total=len(chosen) * len(SCHEMES) * len(LADDER))
         for number, (backend, scheme) in enumerate((b, s) for b in chosen for s in SCHEMES):
@@ -133,13 +130,13 @@ def advise_fluids(
                 bar.update(row, description=str(one), advance=1)
             bar.update(row, completed=(number + 1) * len(LADDER))
     able = [one for one in tried if one.density <= error]
-    run = store.start_run(machine, command, revision)
+    run = summary.start(store, command)
     _store_errors(store, run, scene, tried)
     timed = sorted(_timed(store, run, scene, able), key=lambda one: one.seconds)
     beaten = [_nearest(tried, backend, scheme, error) for backend in chosen for scheme in SCHEMES]
     return FluidAdvice(
-        scene, error, end, tuple(timed), tuple(filter(None, beaten)), tuple(_beside(store, machine, scene)),
-        clock.perf_counter() - begin,
+        scene, error, end, tuple(timed), tuple(filter(None, beaten)), tuple(_beside(store, summary.machine, scene)),
+        clock.perf_counter() - summary.begin,
     )  # fmt: skip
 
 
@@ -149,11 +146,7 @@ def _store_errors(store: Store, run: str, scene: Scene, tried: Sequence[FluidBud
         description = described(scene.replace(one.changes), one.backend, FINDING, precision=one.precision)
         value = one.density if isfinite(one.density) else None
         density = value, "", None if value is not None else "diverged"
-        store_measures(store, run, description, _sources(one.backend), {DENSITY: density})
-
-
-def _sources(backend: str) -> str:
-    return cost_sources(backend, __file__)
+        store_measures(store, run, description, cost_sources(one.backend, __file__), {DENSITY: density})
 
 
 def _nearest(tried: Sequence[FluidBudget], backend: str, scheme: str, error: float) -> tuple[str, str] | None:
@@ -170,23 +163,13 @@ def _nearest(tried: Sequence[FluidBudget], backend: str, scheme: str, error: flo
     return f"{scheme}, {backend}", f"{message}; more were not tried because they take too long"
 
 
-def _timed(store: Store, run: str, scene: Scene, able: Sequence[FluidBudget]) -> Iterator[FluidBudget]:
-    """Yield the budgets that reach the error with the time of a step from the scene's start, sampled in turn."""
-    with ExitStack() as stack:
-        subjects = []
-        for one in able:
-            asked = scene.replace(one.changes)
-            description = described(asked, one.backend, FINDING, precision=one.precision)
-            try:
-                simulation = stack.enter_context(open_simulation(asked, one.backend, precision=one.precision))
-                subjects.append((one, prepare(Subject(simulation, description), QUICK.seconds, QUICK.most)))
-            except SoftlabError:  # it ran before; that time stays
-                yield one
-        if subjects:
-            record = Record(store, run, cost_sources(subjects[0][0].backend, str(Path(__file__))))
-            numbers = in_turn(record, [subject for _, subject in subjects], QUICK.repeats)
-            for (one, _), costs in zip(subjects, numbers, strict=True):
-                yield one.with_(one.density, costs[SECONDS][0] or one.seconds)
+def _timed(store: Store, run: str, scene: Scene, able: Sequence[FluidBudget]) -> list[FluidBudget]:
+    """Return the budgets that reach the error with the time of a step from the scene's start, sampled in turn."""
+    timed, failed = time_in_turn(store, run, scene, able, FINDING, [__file__])
+    # those that failed now ran before; that time stays
+    return [one.with_(one.density, costs[SECONDS][0] or one.seconds) for one, costs in timed] + [
+        one for one, _ in failed
+    ]
 
 
 def _beside(store: Store, machine: str, scene: Scene) -> Iterator[str]:

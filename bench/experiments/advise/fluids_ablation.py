@@ -21,9 +21,8 @@ from softlab.app.driver import open_simulation
 from softlab.bench.experiments.advise.ablation import ARITHMETIC, FINER, FULL, PART, Ablation, ablations
 from softlab.bench.experiments.advise.fluids import UNTIL
 from softlab.bench.measure.costs_timing import QUICK, SECONDS, Measures, Record, in_turn
-from softlab.bench.measure.experiment import Summary, backends_here, described, ending_cleanly, store_measures
+from softlab.bench.measure.experiment import Report, Summary, backends_here, described, resume, store_measures
 from softlab.bench.measure.items import cost_sources
-from softlab.bench.measure.progress import progress_bar
 from softlab.bench.measure.tables import columns, print_table
 from softlab.bench.measure.timing import Subject, prepare
 from softlab.bench.store.database import Store
@@ -114,15 +113,18 @@ def ablate_fluids(
     chosen = backends_here(backends)
     summary = FluidAblation.begun(store, "ablate")
     summary.title, summary.end, summary.spacing = scene.title, end, scene.fluid_set.spacing
-    summary.run = store.start_run(summary.machine, command, summary.version)
     usual = [_usual(one) for one in left_out(scene)]
-    with ending_cleanly(summary), progress_bar(progress) as bar:
-        row = bar.add_task("full scene", total=len(chosen) * (2 + len(usual)))
-        for backend in chosen:
-            work = _Work(store, summary, scene, backend, lambda text: bar.update(row, description=text, advance=1))
+
+    def measure(group: Sequence[str], report: Report) -> None:
+        for backend in group:
+            work = _Work(store, summary, scene, backend, lambda text: report(text, 1))
             summary.tables.append(work.measured(usual))
             summary.measured += 1 + len(usual)
-    return summary
+
+    return resume(
+        store, summary, [[backend] for backend in chosen], lambda backend: False, measure, progress=progress,
+        command=command, worth=lambda backend: 2 + len(usual),
+    )  # fmt: skip
 
 
 def _usual(one: Ablation) -> Ablation:

@@ -11,14 +11,13 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack
 from math import inf, isfinite, pi, sqrt
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from softlab.app.driver import open_simulation
+from softlab.bench.experiments.advise.budgets import time_in_turn
 from softlab.bench.experiments.advise.tetrahedra_advice import Budget, TetrahedraAdvice
 from softlab.bench.experiments.advise.tetrahedra_laws import (
     DAMPING,
@@ -34,17 +33,13 @@ from softlab.bench.experiments.advise.tetrahedra_laws import (
 )
 from softlab.bench.experiments.tetrahedral.bars import Bar, bars
 from softlab.bench.experiments.tetrahedral.cantilever import DENSITY, FRAME, LENGTH, POISSON, SECOND, SIDE
-from softlab.bench.measure.costs_timing import QUICK, SECONDS, Record, in_turn
-from softlab.bench.measure.experiment import backends_here, described
-from softlab.bench.measure.items import cost_sources
-from softlab.bench.measure.machine import enter_machine
-from softlab.bench.measure.timing import Subject, prepare
+from softlab.bench.measure.costs_timing import SECONDS
+from softlab.bench.measure.experiment import Summary, backends_here
 from softlab.bench.reference.finite_elements import mode_shapes
 from softlab.bench.store.database import Store
 from softlab.bench.store.marks import is_wrong
 from softlab.bench.store.results import measures
-from softlab.bench.store.versions import code_version
-from softlab.model.base.errors import SceneError, SoftlabError
+from softlab.model.base.errors import SceneError
 from softlab.model.core.simulation import PRECISIONS
 from softlab.model.scene.checks.tetrahedra import NOT_SMOOTH, unsteady
 from softlab.model.scene.scene import Scene
@@ -72,7 +67,6 @@ def advise_tetrahedra(
     Raises SceneError (an error outside the range in which the laws were checked), BackendUnavailable, InputError (the
     store).
     """
-    begin = clock.perf_counter()
     if not LEAST <= error <= LARGEST:
         raise SceneError(
             "--error", error, f"must be a relative error from {LEAST:g} to {LARGEST:g} for tetrahedral bodies"
@@ -82,7 +76,7 @@ def advise_tetrahedra(
             "there is no error law for a cloth beside tetrahedral bodies; leave it out to get advice for the bodies"
         )
         raise SceneError(scene.name_of("mesh"), "a cloth", message)
-    chosen = backends_here(backends)
+    chosen, summary = backends_here(backends), Summary.begun(store, "advise")
     stiff, basis = bodies(scene)
     budgets, beaten = [], []
     for budget in budgets_by_law(scene, stiff, error):
@@ -95,13 +89,11 @@ def advise_tetrahedra(
                 beaten.append((f"{budget.words}, float32", _loses(scene, budget, lost, error)))
             else:
                 budgets += [budget.on(backend, precision) for backend in chosen]
-    revision = code_version()
-    machine = enter_machine(store)
-    timed, failed = _timed(store, store.start_run(machine, command, revision), scene, budgets) if budgets else ([], [])
+    timed, failed = _timed(store, summary.start(store, command), scene, budgets) if budgets else ([], [])
     slowest = min(one.frequency for one in stiff)
     return TetrahedraAdvice(
         scene, error, pi / slowest, tuple(sorted(timed, key=lambda budget: budget.seconds)), (*beaten, *failed),
-        (basis, *_beside(store, machine)), clock.perf_counter() - begin,
+        (basis, *_beside(store, summary.machine)), clock.perf_counter() - summary.begin,
     )  # fmt: skip
 
 
@@ -243,31 +235,10 @@ def _timed(
     store: Store, run: str, scene: Scene, budgets: Sequence[Budget]
 ) -> tuple[list[Budget], list[tuple[str, str]]]:
     """Return (the budgets with the time of a step, (words, reason) of those that cannot be run here)."""
-    failed, ready = [], []
-    with ExitStack() as stack:
-        for budget in budgets:
-            asked = scene.replace(budget.changes)
-            description = described(asked, budget.backend, FINDING, precision=budget.precision)
-            try:
-                simulation = stack.enter_context(
-                    open_simulation(asked, budget.backend, precision=budget.precision, allow_unstable=True)
-                )
-                subject = Subject(simulation, description, start=simulation.state())
-                ready.append((budget, prepare(subject, QUICK.seconds, QUICK.most)))
-            except SoftlabError as problem:
-                failed.append((str(budget), str(problem)))
-        if not ready:
-            return [], failed
-        record = Record(store, run, cost_sources(ready[0][0].backend, __file__, str(Path(__file__).parent)))
-        numbers = in_turn(record, [subject for _, subject in ready], QUICK.repeats)
-    able = []
-    for (one, _), costs in zip(ready, numbers, strict=True):
-        seconds, _, marks = costs[SECONDS]
-        if is_wrong(marks):
-            failed.append((str(one), marks or ""))
-        else:
-            able.append(one.taking(seconds or inf))
-    return able, failed
+    timed, failed = time_in_turn(store, run, scene, budgets, FINDING, [__file__, str(Path(__file__).parent)])
+    wrong = [(one, costs[SECONDS][2] or "") for one, costs in timed if is_wrong(costs[SECONDS][2])]
+    able = [one.taking(costs[SECONDS][0] or inf) for one, costs in timed if not is_wrong(costs[SECONDS][2])]
+    return able, [(str(one), reason) for one, reason in (*failed, *wrong)]
 
 
 def _law_of(bar: Bar) -> float:

@@ -48,7 +48,12 @@ def groups(store: Store, backends: Sequence[str], quick: bool) -> list[Group]:
     return all_groups + (vertex_groups(effort, most) if "gpu" in backends else [])
 
 
-run_costs = Items("costs", groups, "softlab accuracy", "costs: ")
+class Costs(Items):
+    """Measure what the lab's safeguards cost."""
+
+    name, command, doing = "costs", "accuracy", "costs: "
+    in_lab = True
+    items = staticmethod(groups)
 
 
 # ---------------------------------------------------------------------- cost of the check for a diverged state

@@ -25,7 +25,7 @@ from softlab.bench.experiments.accuracy.references import references
 from softlab.bench.measure.case_timing import Case, StepTimes
 from softlab.bench.measure.costs_timing import Measures
 from softlab.bench.measure.experiment import described, source_hash
-from softlab.bench.measure.items import Experiment, Item, Items
+from softlab.bench.measure.items import Finding, Item, Items
 from softlab.bench.reference import cache
 from softlab.bench.reference import mass_spring as reference
 from softlab.bench.store.database import Store
@@ -59,7 +59,12 @@ def items(store: Store, backends: Sequence[str], quick: bool) -> list[Item]:
     return all_items + [StepTimes(EXACT, pair, quick) for backend in backends for pair in exact_pairs(backend, quick)]
 
 
-run_findings = Items("findings", items, "softlab accuracy", "finding: ")
+class Findings(Items):
+    """Run the small experiments behind single sentences of the lab book."""
+
+    name, command, doing = "findings", "accuracy", "finding: "
+    in_lab = True
+    items = staticmethod(items)
 
 
 def _sources(backend: str | None) -> str:
@@ -67,21 +72,21 @@ def _sources(backend: str | None) -> str:
     return f"{judge if backend is None else f'{source_hash(backend)}-{judge}'}-f{VERSION}"
 
 
-def _experiments(store: Store, backend: str) -> list[Experiment]:
+def _experiments(store: Store, backend: str) -> list[Finding]:
     return [*_floor(store, backend), *_far_away(backend), *_dissipation(backend), *discretisation.experiments(backend)]
 
 
 def _finding(
     name: str, finding: str, scene: Scene, backend: str | None, measure: Callable[[], Measures], fields: dict[str, Any]
-) -> Experiment:
+) -> Finding:
     """Return an experiment that varies these `fields`; `backend` None: it uses the reference alone."""
-    return Experiment(name, described(scene, backend or "reference", finding, **fields), _sources(backend), measure)
+    return Finding(name, described(scene, backend or "reference", finding, **fields), _sources(backend), measure)
 
 
 # ---------------------------------------------------------------------- effect of an explicit damper
 
 
-def _damping(store: Store) -> list[Experiment]:
+def _damping(store: Store) -> list[Finding]:
     """Return runs of S2 in NumPy: velocity Verlet with the damper implicit in the second half kick, and with it
     explicit.
     """
@@ -107,7 +112,7 @@ def _error(scene: Scene, position: np.ndarray, right: np.ndarray) -> float:
 # ---------------------------------------------------------------------- resolution of float32
 
 
-def _floor(store: Store, backend: str) -> list[Experiment]:
+def _floor(store: Store, backend: str) -> list[Finding]:
     """Return runs of S1 at ever smaller steps, in both precisions."""
     base, experiments = load_scene(SCENES["S1"]), []
     for precision, method, dt in product(PRECISIONS, FLOOR_METHODS, FLOOR_STEPS):
@@ -138,7 +143,7 @@ def _end(
             return None
 
 
-def _far_away(backend: str) -> list[Experiment]:
+def _far_away(backend: str) -> list[Finding]:
     """Return the runs of B14: a ten-link chain released far from the origin, float32, against itself at the origin in
     float64.
     """
@@ -189,7 +194,7 @@ def amplitude_rate(positions: np.ndarray, dt: float) -> float:
     return float(-np.log(d) / (2 * dt))
 
 
-def _dissipation(backend: str) -> list[Experiment]:
+def _dissipation(backend: str) -> list[Finding]:
     """Return one undamped oscillator for every integrator: the rate at which its amplitude changes."""
     return [
         _finding(RATE, DISSIPATION, scene, backend, partial(_rate, scene, backend), RATE_OPTIONS)

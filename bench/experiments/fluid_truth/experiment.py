@@ -18,8 +18,9 @@ from softlab.app.driver import open_simulation
 from softlab.bench.experiments.fluid_truth.laws import judged
 from softlab.bench.experiments.fluid_truth.scenes import DAM, TANK, Setting, settings
 from softlab.bench.measure.costs_timing import FULL, QUICK, RATIO, SECONDS, Effort, Measures, Record, in_turn
+from softlab.bench.measure.declaration import Option
 from softlab.bench.measure.experiment import host_of
-from softlab.bench.measure.items import Group, Items, cost_sources
+from softlab.bench.measure.items import Group, cost_sources
 from softlab.bench.measure.timing import Subject, prepare
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import configuration
@@ -72,7 +73,7 @@ def groups(store: Store, backends: Sequence[str], quick: bool, peers: bool = Fal
     return all_groups
 
 
-run_truth = Items("fluids: truth", groups, "softlab fluids --truth", "judging and timing: ")
+BESIDE_PEERS = Option("--peers", "With --truth or --rest: also measure other programs (SPlisHSPlasH).", bool)
 
 
 def _measured(

@@ -9,10 +9,12 @@ import numpy as np
 from rich.console import Console
 
 from softlab.bench.experiments.fluid_truth import laws
-from softlab.bench.experiments.fluid_truth.experiment import FINDING, LABELS
+from softlab.bench.experiments.fluid_truth.experiment import BESIDE_PEERS, FINDING, LABELS, groups
 from softlab.bench.experiments.fluid_truth.scenes import COLUMN, DAM, DROP, TANK, TENSION, TWO, VORTICES
 from softlab.bench.experiments.fluids import FRAME
 from softlab.bench.measure.costs_timing import SECONDS
+from softlab.bench.measure.declaration import Option
+from softlab.bench.measure.items import Items
 from softlab.bench.measure.tables import columns, print_table
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import Measure, by_configuration, measures
@@ -171,3 +173,13 @@ def _cell(value: float | None, text: str) -> str:
     if value is None:
         return "-"
     return f"{100 * value:.2g}" if text.endswith("%") else f"{value:.3g}"
+
+
+class FluidTruth(Items):
+    """Measure the errors of fluids against known solutions."""
+
+    name, command, doing = "fluids: truth", "fluids", "judging and timing: "
+    switch = Option("--truth", "Measure errors against known solutions, and the time per frame, instead.", bool)
+    options = {"peers": BESIDE_PEERS}
+    items = staticmethod(groups)
+    show = staticmethod(print_truth)

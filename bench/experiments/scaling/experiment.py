@@ -6,7 +6,7 @@ in turn; each state is first compared bit by bit with that of one GPU, in `exact
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -16,7 +16,7 @@ from rich.console import Console
 from softlab.app.driver import open_simulation
 from softlab.app.shared import check_sharing
 from softlab.bench.experiments.scaling.model import TRANSFERS, Cluster, predicted
-from softlab.bench.measure.case_timing import Case, RatePoint, Rates, Summary
+from softlab.bench.measure.case_timing import Case, Rates, Row, Summary
 from softlab.bench.measure.costs_timing import Measures
 from softlab.bench.measure.energy import joules_of_all, nvml_counter
 from softlab.bench.measure.experiment import source_hash, store_measures
@@ -32,10 +32,6 @@ from softlab.model.core.simulation import Simulation
 from softlab.model.scene.scene import Scene, load_scene
 
 DEVICES = "softlab.gpu_backend.domains.devices:devices_for"
-STAGE = "shared"  # stage of the samples
-STEP = "shared_step"  # s: the median of a step
-RATE = "shared_masses_per_second"
-KERNEL = "shared_kernel"  # the name of the kernel is stored as the reason
 DIFFERENCE = "shared_difference"  # m: largest difference from one GPU's state, in exact math
 JOULES = "shared_joules"  # J: energy of all GPUs per step
 SCENES = {  # word of `--scene` -> catalogue name, ordering of constraints, of sheets that can be partitioned
@@ -81,44 +77,6 @@ def shared_case(scene: Scene, precision: str, gpus: int, link: str, exchange_eve
     return SharedCase(scene, "gpu", description, source_hash("gpu"), label, gpus, link, exchange_every)
 
 
-def groups(
-    backends: Sequence[str],
-    quick: bool,
-    precisions: Sequence[str],
-    gpus: Sequence[int] = (1, 2),
-    sizes: Sequence[int] | None = None,
-    links: Sequence[str] = ("flags",),
-    exchange_every: int | None = None,
-    weak: bool = False,
-    scene: str = "grid",
-) -> list[list[Case]]:
-    """Return the groups timed in turn: all numbers of GPUs and links of a size.
-
-    `weak`: `size` x `size` masses for each GPU, stacked in rows; `scene`: one of SCENES. Raises SceneError for a
-    backend without GPUs, an invalid number or an unknown scene, and BackendUnavailable for more GPUs than there are.
-    """
-    if "gpu" not in backends:
-        raise SceneError("--gpus", list(gpus), "applies to --backend gpu")
-    for count in gpus:
-        if count < 1:
-            raise SceneError("--gpus", count, "must be at least 1")
-    if scene not in SCENES:
-        raise SceneError("--scene", scene, f"with --gpus one of {', '.join(SCENES)}")
-    for link in links:
-        check_sharing("gpu", max(gpus), 1, link)
-    component(DEVICES, "--gpus")(max(gpus))
-    all_groups = []
-    for size in sizes or (QUICK_SIZES if quick else SIZES):
-        for precision in precisions:
-            cases: list[Case] = []
-            for n in sorted({1, *gpus}):
-                sheet = sheet_of(scene, size * n if weak else size, size)
-                for link in links if n > 1 else links[:1]:
-                    cases.append(shared_case(sheet, precision, n, link, exchange_every))
-            all_groups.append(cases)
-    return all_groups
-
-
 def sheet_of(scene: str, rows: int, columns: int) -> Scene:
     """Return one of SCENES with that many masses."""
     name, ordering = SCENES[scene]
@@ -137,8 +95,108 @@ def _check_steps(scene: Scene) -> int:
     return CHECK_STEPS if word_of(scene) == "grid" else CHECK_SUBSTEPS // scene.method.substeps
 
 
-class SharedRates(Rates):
-    """Rates whose states are compared with one GPU's before they are timed; energy is measured with the time."""
+def _end_of(case: SharedCase) -> np.ndarray | None:
+    """Return the positions after some steps in exact math, or None for a sheet that is too large."""
+    if case.scene.grid.particle_count > CHECKED:
+        return None
+    with case.open("exact") as simulation:
+        simulation.advance(_check_steps(case.scene))
+        return simulation.state().position
+
+
+def _measured(row: Row, name: str) -> float | None:
+    return row.measures[name].value if name in row.measures else None
+
+
+class Scaling(Rates):
+    """Measure the speed-up of several GPUs over one (`softlab sweep --gpus`).
+
+    States are compared with one GPU's before they are timed; energy is measured with the time.
+    """
+
+    name, command, stage = "sweep", "sweep", "shared"
+    step, rate, kernel = "shared_step", "shared_masses_per_second", "shared_kernel"
+    fields = {
+        "sheet": lambda row: word_of(row.scene),
+        "rows": lambda row: row.scene.grid.rows,
+        "columns": lambda row: row.scene.grid.columns,
+        "gpus": lambda row: row.measures[Scaling.rate].description["gpus"],
+        "link": lambda row: row.measures[Scaling.rate].description.get("link", ""),
+        "exchange_every": lambda row: row.measures[Scaling.rate].description.get("exchange_every"),  # as requested
+        "difference": lambda row: _measured(row, DIFFERENCE),  # m, from one GPU's state; None: not measured
+        "joules": lambda row: _measured(row, JOULES),  # per step
+    }
+    order = ("sheet", "precision", "rows", "columns", "gpus", "link")
+
+    def work(self, scene: Scene) -> float:
+        """Return the number of masses per step."""
+        return scene.grid.particle_count
+
+    def picked(self, how: Mapping[str, Any], quick: bool) -> dict[str, Any]:
+        """Return the options, which `softlab sweep` has checked."""
+        return {"precisions": ("float32",)} | dict(how)
+
+    def rows(self, stored: Iterable[Measure], every: bool = False) -> list[Row]:
+        """Return the points, smallest first, without those of links that were removed."""
+        known = (*TRANSFERS, "")
+        return [row for row in super().rows(stored, every) if row.link.removesuffix(BY_TURNS) in known]
+
+    def groups(
+        self,
+        backends: Sequence[str],
+        quick: bool,
+        precisions: Sequence[str],
+        gpus: Sequence[int] = (1, 2),
+        sizes: Sequence[int] | None = None,
+        links: Sequence[str] = ("flags",),
+        exchange_every: int | None = None,
+        weak: bool = False,
+        scene: str = "grid",
+    ) -> list[list[Case]]:
+        """Return the groups timed in turn: all numbers of GPUs and links of a size.
+
+        `weak`: `size` x `size` masses for each GPU, stacked in rows; `scene`: one of SCENES. Raises SceneError for a
+        backend without GPUs, an invalid number or an unknown scene, and BackendUnavailable for more GPUs than there are.
+        """
+        if "gpu" not in backends:
+            raise SceneError("--gpus", list(gpus), "applies to --backend gpu")
+        for count in gpus:
+            if count < 1:
+                raise SceneError("--gpus", count, "must be at least 1")
+        for link in links:
+            check_sharing("gpu", max(gpus), 1, link)
+        component(DEVICES, "--gpus")(max(gpus))
+        all_groups = []
+        for size in sizes or (QUICK_SIZES if quick else SIZES):
+            for precision in precisions:
+                cases: list[Case] = []
+                for n in sorted({1, *gpus}):
+                    sheet = sheet_of(scene, size * n if weak else size, size)
+                    for link in links if n > 1 else links[:1]:
+                        cases.append(shared_case(sheet, precision, n, link, exchange_every))
+                all_groups.append(cases)
+        return all_groups
+
+    def show(self, console: Console, store: Store, machine: str) -> None:
+        """Print a table of what was timed on a machine, with the model's speed-up."""
+        timed = self.rows(measures(store, machine=machine))
+        by_point, weak = {id(p): (faster, model) for p, faster, model in speedups(timed)}, weak_efficiencies(timed)
+        rows = []
+        for p in timed:
+            faster, model = by_point.get(id(p), (None, None))
+            same = "" if p.gpus == 1 else "not compared" if p.difference is None else f"{p.difference:.2g}"
+            double = " float64" if p.precision == "float64" else ""
+            rows.append((
+                f"{p.sheet} {p.rows} x {p.columns}{double}", str(p.gpus), p.link, p.kernel, f"{1e6 * p.step:.1f}",
+                f"{p.rate / 1e9:.1f}", "" if faster is None else f"{faster:.2f}", "" if model is None else f"{model:.2f}",
+                f"{100 * weak[id(p)]:.1f} %" if id(p) in weak else "", "" if p.joules is None else f"{p.joules:.3g}", same,
+            ))  # fmt: skip
+        heads = "sheet", "GPUs", "link", "kernel", "step / us", "G / s", "x one", "model", "weak", "J / step", "off / m"
+        note = (
+            "G / s: masses; x one: one GPU with the same sheet; weak: of one GPU's rate with such a share; model: softlab "
+            "scale; off: from one GPU's state in exact math, 0 the same bits"
+        )
+        print_table(console, heads, rows, note)
 
     def _time(self, store: Store, summary: Summary, group: Sequence[Case], repeats: int) -> None:
         ends: dict[Scene, np.ndarray | None] = {}  # end positions on one GPU
@@ -166,72 +224,17 @@ class SharedRates(Rates):
         return {JOULES: (joules, "J", why)}
 
 
-def _end_of(case: SharedCase) -> np.ndarray | None:
-    """Return the positions after some steps in exact math, or None for a sheet that is too large."""
-    if case.scene.grid.particle_count > CHECKED:
-        return None
-    with case.open("exact") as simulation:
-        simulation.advance(_check_steps(case.scene))
-        return simulation.state().position
-
-
-def masses(scene: Scene) -> int:
-    """Return the number of masses per step."""
-    return scene.grid.particle_count
-
-
-RATES = run_scaling = SharedRates("sweep", STAGE, STEP, RATE, KERNEL, masses, groups)
-
-
-@dataclass(frozen=True)
-class ScalingPoint(RatePoint):
-    """A sheet, one of SCENES, on `gpus` GPUs.
-
-    `exchange_every`: steps, as requested; `difference` [m] from one GPU's state, `joules` per step; None: not measured.
-    """
-
-    scene: str
-    rows: int
-    columns: int
-    gpus: int
-    link: str
-    exchange_every: int | None
-    difference: float | None
-    joules: float | None
-
-
-def points(stored: Iterable[Measure]) -> list[ScalingPoint]:
-    """Return the points from the measures, smallest first, without those of links that were removed."""
-    stored = list(stored)
-    off, joules = (
-        {(m.machine, m.configuration): m.value for m in stored if m.name == name} for name in (DIFFERENCE, JOULES)
-    )
-    scaling_points = []
-    for by_name, scene, point in RATES.results(stored):
-        rate, grid = by_name[RATE], scene.grid
-        what: dict[str, Any] = rate.description
-        key, link = (rate.machine, rate.configuration), what.get("link", "")
-        if link and link.removesuffix(BY_TURNS) not in TRANSFERS:
-            continue
-        scaling_points.append(ScalingPoint(
-            **vars(point), scene=word_of(scene), rows=grid.rows, columns=grid.columns, gpus=what["gpus"],
-            link=link, exchange_every=what.get("exchange_every"), difference=off.get(key),
-            joules=joules.get(key),
-        ))  # fmt: skip
-    return sorted(scaling_points, key=lambda p: (p.scene, p.precision, p.rows, p.columns, p.gpus, p.link))
-
-
-def _every(p: ScalingPoint) -> int:
+def _every(p: Row) -> int:
     """Return the steps between two exchanges: as requested, or as the lab chooses."""
     return p.exchange_every or decompose(p.rows, p.columns, p.gpus, Stencil()).steps
 
 
-def _sheet(p: ScalingPoint) -> tuple[Any, ...]:
+def _sheet(p: Row) -> tuple[Any, ...]:
     """Return the key that two comparable points have in common, without the rows."""
-    return p.machine, p.scene, p.precision, p.columns
+    return p.machine, p.sheet, p.precision, p.columns
 
 
-def speedups(timed: Sequence[ScalingPoint]) -> list[tuple[ScalingPoint, float, float | None]]:
+def speedups(timed: Sequence[Row]) -> list[tuple[Row, float, float | None]]:
     """Return (point, speed-up over one GPU, speed-up by the model or None) of points of more than one GPU.
 
     Only points whose sheet was measured on one GPU too, without windows that took turns.
@@ -243,7 +246,7 @@ def speedups(timed: Sequence[ScalingPoint]) -> list[tuple[ScalingPoint, float, f
         if p.gpus == 1 or one is None or p.link.endswith(BY_TURNS):
             continue
         model = None
-        if p.precision == "float32" and p.scene == "grid":
+        if p.precision == "float32" and p.sheet == "grid":
             one_by, many = (
                 predicted(p.rows, p.columns, n, Cluster(), steps=_every(p), transfer=TRANSFERS[p.link])
                 for n in (1, p.gpus)
@@ -253,7 +256,7 @@ def speedups(timed: Sequence[ScalingPoint]) -> list[tuple[ScalingPoint, float, f
     return result
 
 
-def weak_efficiencies(timed: Sequence[ScalingPoint]) -> dict[int, float]:
+def weak_efficiencies(timed: Sequence[Row]) -> dict[int, float]:
     """Return {id of a point: rate per GPU over that of one GPU with such a partition alone} (weak scaling).
 
     Only points whose partition was measured on one GPU; rates in masses/s.
@@ -265,25 +268,3 @@ def weak_efficiencies(timed: Sequence[ScalingPoint]) -> dict[int, float]:
         if p.gpus > 1 and p.rows % p.gpus == 0 and one is not None and not p.link.endswith(BY_TURNS):
             result[id(p)] = p.rate / (p.gpus * one.rate)
     return result
-
-
-def print_scaling(console: Console, store: Store, machine: str) -> None:
-    """Print a table of what was timed on a machine, with the model's speed-up."""
-    timed = points(measures(store, machine=machine))
-    by_point, weak = {id(p): (faster, model) for p, faster, model in speedups(timed)}, weak_efficiencies(timed)
-    rows = []
-    for p in timed:
-        faster, model = by_point.get(id(p), (None, None))
-        same = "" if p.gpus == 1 else "not compared" if p.difference is None else f"{p.difference:.2g}"
-        double = " float64" if p.precision == "float64" else ""
-        rows.append((
-            f"{p.scene} {p.rows} x {p.columns}{double}", str(p.gpus), p.link, p.kernel, f"{1e6 * p.step:.1f}",
-            f"{p.rate / 1e9:.1f}", "" if faster is None else f"{faster:.2f}", "" if model is None else f"{model:.2f}",
-            f"{100 * weak[id(p)]:.1f} %" if id(p) in weak else "", "" if p.joules is None else f"{p.joules:.3g}", same,
-        ))  # fmt: skip
-    heads = "sheet", "GPUs", "link", "kernel", "step / us", "G / s", "x one", "model", "weak", "J / step", "off / m"
-    note = (
-        "G / s: masses; x one: one GPU with the same sheet; weak: of one GPU's rate with such a share; model: softlab scale; "
-        "off: from one GPU's state in exact math, 0 the same bits"
-    )
-    print_table(console, heads, rows, note)

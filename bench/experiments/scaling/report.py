@@ -7,7 +7,7 @@ from pathlib import Path
 from rich.console import Console
 
 from softlab.app.command.tables import number
-from softlab.bench.experiments.scaling.experiment import points, speedups
+from softlab.bench.experiments.scaling.experiment import Scaling, speedups
 from softlab.bench.experiments.scaling.model import (
     Cluster,
     Predicted,
@@ -94,7 +94,7 @@ def print_checked(console: Console, store: Path) -> None:
         console.print("nothing was measured here yet: softlab sweep --gpus 1 --gpus 2 measures", soft_wrap=True)
         return
     with open_readonly(store) as opened:
-        compared = speedups(points(measures(opened)))
+        compared = speedups(Scaling().rows(measures(opened)))
     rows = [
         (
             f"{p.rows} x {p.columns}", str(p.gpus), p.link, f"{faster:.3f}", f"{model:.3f}",

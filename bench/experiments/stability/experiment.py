@@ -185,8 +185,10 @@ def run_stability(
     def measure(group: Sequence[Case], report: Report) -> None:
         _measure(store, summary, group, report)
 
-    how: dict[str, Any] = {"progress": progress, "command": command, "worth": lambda case: case.worth}
-    resume(store, summary, list(groups.values()), is_stored, measure, **how)
+    resume(
+        store, summary, list(groups.values()), is_stored, measure, progress=progress, command=command,
+        worth=lambda case: case.worth,
+    )  # fmt: skip
     summary.points, summary.edges = stability_of(
         measures_of(store, summary.machine, (one.description for one in everything))
     )

@@ -13,8 +13,11 @@ from math import isnan
 
 from rich.console import Console
 
+from softlab.bench.experiments.tetrahedra import MODULI, SECTIONS, SETTINGS, TETRAHEDRA, groups
 from softlab.bench.experiments.tetrahedral.bars import Bar, bars
 from softlab.bench.experiments.tetrahedral.promised import WITHIN
+from softlab.bench.measure.declaration import PRECISION, Option
+from softlab.bench.measure.items import Items
 from softlab.bench.measure.tables import print_table
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import measures
@@ -160,3 +163,26 @@ def print_tetrahedra(console: Console, store: Store, machine: str) -> None:
     )
     print_table(console, heads, rows, note)
     print_decisions(console, measured)
+
+
+class Tetrahedra(Items):
+    """Measure the solver error and the mesh error of a bar of tetrahedra, and the fastest solver within 1 %."""
+
+    name = command = TETRAHEDRA
+    doing = "bar: "
+    example = "softlab tetrahedra --quick   (softlab tetrahedra --backend cpu --precision float64)"
+    quick_help = "One mesh, few substeps and iterations, fewer repeats: half a minute on two cores."
+    in_lab = True
+    options = {
+        "across": Option(
+            "--across", "Only bars of this many voxels across: 1, 2, 4 or 8. Repeatable.", int, SECTIONS, quick=SECTIONS[1:2]
+        ),
+        "young": Option("--young", "Only bars of this Young's modulus: 1e5, 1e6 or 1e7 Pa. Repeatable.", float, MODULI),
+        "solvers": Option(
+            "--solver", "Only this solver: xpbd, 'xpbd blocks', vbd, newton or 'newton order 2'. Repeatable.",
+            values=tuple(SETTINGS),
+        ),
+        "precisions": PRECISION,
+    }  # fmt: skip
+    items = staticmethod(groups)
+    show = staticmethod(print_tetrahedra)

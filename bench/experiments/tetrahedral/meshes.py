@@ -29,7 +29,7 @@ from softlab.bench.experiments.tetrahedra import FREE, SECTIONS
 from softlab.bench.experiments.tetrahedral.cantilever import DENSITY, SECOND, cantilever, setting_of
 from softlab.bench.measure.costs_timing import Measures
 from softlab.bench.measure.experiment import described
-from softlab.bench.measure.items import Experiment, Items, cost_sources
+from softlab.bench.measure.items import Finding, Items, cost_sources
 from softlab.bench.measure.tables import print_table
 from softlab.bench.reference import finite_elements
 from softlab.bench.reference.finite_elements import linear_static, mode_shapes, spread_evenly
@@ -54,7 +54,7 @@ SOLVERS = {"xpbd": 1, "vbd": 100, "newton": 1, SECOND: 1}  # -> iterations
 SWING, FRAMES = 1e-3, 96  # m, of the tip; frames that are followed
 
 
-def mesh_items(store: Store, backends: Sequence[str], quick: bool) -> list[Experiment]:
+def mesh_items(store: Store, backends: Sequence[str], quick: bool) -> list[Finding]:
     """Return the experiments on meshes, once, and those on steps for each backend; `quick`: few of both."""
     digest = source_digest(Path(__file__), Path(str(finite_elements.__file__)))
     items = []
@@ -63,7 +63,7 @@ def mesh_items(store: Store, backends: Sequence[str], quick: bool) -> list[Exper
             for poisson in CONTINUUM:
                 scene = bar(across, cut, poisson)
                 description = described(scene, "cpu", MESH, precision="float64")
-                items.append(Experiment(PART, description, f"{digest}-m1", partial(mesh_part, scene)))
+                items.append(Finding(PART, description, f"{digest}-m1", partial(mesh_part, scene)))
     for backend in backends:
         sources = f"{cost_sources(backend, __file__)}-{digest}"
         for solver, iterations in SOLVERS.items():
@@ -71,11 +71,8 @@ def mesh_items(store: Store, backends: Sequence[str], quick: bool) -> list[Exper
             for substeps in OF_SECOND if solver == SECOND else usual:
                 scene = swinging(solver, substeps, iterations)
                 description = described(scene, backend, STEP, precision="float64")
-                items.append(Experiment(DECAY, description, sources, partial(decay, scene, backend)))
+                items.append(Finding(DECAY, description, sources, partial(decay, scene, backend)))
     return items
-
-
-run_meshes = Items("meshes of tetrahedra", mesh_items, "softlab tetrahedra")
 
 
 def bar(across: int, cut: int, poisson: float) -> Scene:
@@ -222,3 +219,12 @@ def print_meshes(console: Console, store: Store, machine: str) -> None:
     if lines:
         heads = ("solver", "backend", "substep / ms", "lost a second", "by its law", "swings / Hz")
         print_table(console, heads, lines, "of the amplitude of a bar's first vibration, which nothing damps")
+
+
+class Meshes(Items):
+    """Measure the error of a mesh of tetrahedra with any solver, and the damping of its time steps."""
+
+    name, command = "meshes of tetrahedra", "tetrahedra"
+    in_lab = True
+    items = staticmethod(mesh_items)
+    show = staticmethod(print_meshes)

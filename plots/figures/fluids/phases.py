@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from softlab.bench.experiments.fluids import PHASES, QUICK, SCHEMES, FluidPoint, moved_bytes, operations, points, pool
+from softlab.bench.experiments.fluids import PHASES, QUICK, SCHEMES, Fluids, moved_bytes, operations, pool
+from softlab.bench.measure.case_timing import Row
 from softlab.model.fluid.plan import neighbours_at_rest
 from softlab.plots.core.backends import name_of, on_backends, sources_of, timed
 from softlab.plots.core.colours import BLACK, BLUE, ORANGE
@@ -18,9 +19,9 @@ LABELS = ("nanoseconds a particle", "")
 HALF = 0.5  # of the measured arithmetic rate, which sums of products and roots do not exceed
 
 
-def on(source: Source, backend: str) -> list[FluidPoint]:
+def on(source: Source, backend: str) -> list[Row]:
     """Return the pools whose stages were timed, of the scheme whose stages these are, smallest first."""
-    pools = timed(points)(source, backend)
+    pools = timed(Fluids().rows)(source, backend)
     return [p for p in pools if p.phases and p.scheme == SCHEMES[0] and p.precision == "float32"]
 
 
@@ -32,7 +33,7 @@ def rates(source: Source, backend: str) -> tuple[float, float] | None:
     return (float(copied), HALF * float(arithmetic)) if copied and arithmetic else None
 
 
-def least(point: FluidPoint, phase: str, limits: tuple[float, float]) -> tuple[float, str]:
+def least(point: Row, phase: str, limits: tuple[float, float]) -> tuple[float, str]:
     """Return (lower limit [s] of a stage for all particles, its cause)."""
     scene = pool(min(QUICK))  # a particle costs the same in any pool
     moved = moved_bytes(phase, neighbours_at_rest(scene)) * point.particles / limits[0]

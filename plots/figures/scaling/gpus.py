@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from softlab.bench.experiments.scaling.experiment import BY_TURNS, ScalingPoint, points, speedups, weak_efficiencies
+from softlab.bench.experiments.scaling.experiment import BY_TURNS, Scaling, speedups, weak_efficiencies
+from softlab.bench.measure.case_timing import Row
 from softlab.bench.store.results import Measure
 from softlab.plots.core.backends import on_backends, sources_of, timed
 from softlab.plots.core.colours import BLUE, GREY, ORANGE, PURPLE, VERMILLION
@@ -17,16 +18,16 @@ LINKS = {"flags": (BLUE, "o"), "nccl": (ORANGE, "s")}
 PER_MILLION = 1e9  # mJ per million mass-steps over J per mass-step
 
 
-def shared(measures: Iterable[Measure]) -> list[ScalingPoint]:
+def shared(measures: Iterable[Measure]) -> list[Row]:
     """Return the points of sheets on several GPUs, and of one GPU with them; empty if there are no several GPUs."""
-    scaled = points(measures)
+    scaled = Scaling().rows(measures)
     return scaled if any(p.gpus > 1 and not p.link.endswith(BY_TURNS) for p in scaled) else []
 
 
 timed_shared = timed(shared)
 
 
-def masses(p: ScalingPoint) -> int:
+def masses(p: Row) -> int:
     """Return the masses of the sheet."""
     return p.rows * p.columns
 
@@ -36,11 +37,11 @@ def draw(results: Results) -> Drawing | str:
     chosen = on_backends(results, timed_shared)
     if not chosen:
         return "no sheet was timed on several GPUs (softlab sweep --gpus 2)"
-    measured: Sequence[ScalingPoint] = chosen[0][2]
+    measured: Sequence[Row] = chosen[0][2]
     figure, (faster, joules) = new_figure(2, 2.2, sharey=False)
     _draw_faster(faster, measured)
     for gpus, colour in ((1, GREY), *((n, BLUE) for n in sorted({p.gpus for p in measured} - {1}))):
-        runs = [p for p in measured if p.gpus == gpus and p.scene == "grid" and p.link in ("", "flags") and p.joules]
+        runs = [p for p in measured if p.gpus == gpus and p.sheet == "grid" and p.link in ("", "flags") and p.joules]
         if runs:
             each = sorted((masses(p), PER_MILLION * p.joules / masses(p)) for p in runs if p.joules)
             joules.plot(*zip(*each, strict=True), "-", color=colour, marker="o", label="one GPU" if gpus == 1 else None)
@@ -57,13 +58,13 @@ def draw(results: Results) -> Drawing | str:
     return Drawing(figure, TITLE, caption, sources_of(chosen))
 
 
-def _draw_faster(ax: Any, measured: Sequence[ScalingPoint]) -> None:
+def _draw_faster(ax: Any, measured: Sequence[Row]) -> None:
     over_one, weak = speedups(measured), weak_efficiencies(measured)
     counts = sorted({p.gpus for p in measured} - {1})
     for gpus in counts:
         for link, (colour, marker) in LINKS.items():
             curve = [
-                (masses(p), faster) for p, faster, _ in over_one if (p.gpus, p.link, p.scene) == (gpus, link, "grid")
+                (masses(p), faster) for p, faster, _ in over_one if (p.gpus, p.link, p.sheet) == (gpus, link, "grid")
             ]
             if curve:
                 ax.plot(*zip(*curve, strict=True), "-", color=colour, marker=marker, label=f"{gpus} GPUs, {link}")
@@ -73,7 +74,7 @@ def _draw_faster(ax: Any, measured: Sequence[ScalingPoint]) -> None:
         cloth = [
             (masses(p), faster)
             for p, faster, _ in over_one
-            if p.gpus == gpus and p.scene == "xpbd" and p.link == "flags"
+            if p.gpus == gpus and p.sheet == "xpbd" and p.link == "flags"
         ]
         if cloth:
             ax.plot(*zip(*cloth, strict=True), linestyle="", color=PURPLE, marker="D", label=f"{gpus} GPUs, cloth")

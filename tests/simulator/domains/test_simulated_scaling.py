@@ -8,30 +8,36 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from softlab.bench.experiments.scaling.experiment import points, print_scaling, run_scaling, speedups, weak_efficiencies
+from softlab.bench.experiments.scaling.experiment import Scaling, speedups, weak_efficiencies
 from softlab.bench.measure import case_timing
+from softlab.bench.measure.case_timing import Row
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import measures, timings
 from softlab.model.base.errors import SceneError
+
+
+def linked(row: Row) -> Row:
+    """The same row, as if each window had a GPU."""
+    return replace(row, fields=dict(row.fields) | {"link": lambda _: "flags"})
 
 
 def test_a_sweep_over_gpus_is_stored_checked_and_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(case_timing, "SAMPLE_SECONDS", 0.001)
     how = {"quick": True, "backends": ["gpu"], "gpus": [2], "sizes": [4], "progress": False}
     with Store(tmp_path / "store.sqlite") as store:
-        summary = run_scaling(store, **how)
-        found = points(measures(store))
+        summary = Scaling()(store, **how)
+        found = Scaling().rows(measures(store))
         told = [(p.gpus, p.rows, p.link, p.difference) for p in found]
         assert told == [(1, 4, "", None), (2, 4, "flags by turns", 0.0)], "there is but one here"
         assert all(p.rate == pytest.approx(16 / p.step) for p in found)
         assert speedups(found) == [], "windows that take turns are no GPUs of their own"
-        own = [replace(p, link="flags") if p.gpus > 1 else p for p in found]
+        own = [linked(p) if p.gpus > 1 else p for p in found]
         assert len(speedups(own)) == 1
         assert timings(store) == [], "ordinary figures know one GPU alone"
         console = Console(record=True, width=160)
-        print_scaling(console, store, summary.machine)
+        Scaling().show(console, store, summary.machine)
         assert "4 x 4" in console.export_text()
-        assert run_scaling(store, **how).measured == 0, "all is there"
+        assert Scaling()(store, **how).measured == 0, "all is there"
 
 
 def test_a_share_for_each_gpu(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -39,14 +45,14 @@ def test_a_share_for_each_gpu(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     monkeypatch.setattr(case_timing, "SAMPLE_SECONDS", 0.001)
     how = {"quick": True, "backends": ["gpu"], "gpus": [2], "sizes": [4], "progress": False}
     with Store(tmp_path / "store.sqlite") as store:
-        run_scaling(store, weak=True, **how)
+        Scaling()(store, weak=True, **how)
         with pytest.raises(SceneError, match="use flags, which is faster, or nccl"):
-            run_scaling(store, links=["peer"], **how)
-        found = points(measures(store))
+            Scaling()(store, links=["peer"], **how)
+        found = Scaling().rows(measures(store))
         assert [(p.rows, p.columns, p.gpus, p.link) for p in found] == [
             (4, 4, 1, ""), (8, 4, 2, "flags by turns"),
         ]  # fmt: skip
-        own = [replace(p, link="flags") for p in found]
+        own = [linked(p) for p in found]
         weak = weak_efficiencies(own)
         assert [weak[id(p)] for p in own[1:]] == [pytest.approx(p.rate / (2 * own[0].rate)) for p in own[1:]]
 
@@ -54,6 +60,6 @@ def test_a_share_for_each_gpu(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
 def test_bad_choices_are_told(tmp_path: Path) -> None:
     with Store(tmp_path / "store.sqlite") as store:
         gpu = {"backends": ["gpu"]}
-        for wrong in ({"backends": ["cpu"]}, gpu | {"gpus": [0]}, gpu | {"scene": "rope"}):
+        for wrong in ({"backends": ["cpu"]}, gpu | {"gpus": [0]}):
             with pytest.raises(SceneError, match="gpus"):
-                run_scaling(store, progress=False, **wrong)
+                Scaling()(store, progress=False, **wrong)

@@ -1,0 +1,26 @@
+"""Every declared experiment, by the command that measures it; nothing is imported before it is asked for."""
+
+from __future__ import annotations
+
+from softlab.bench.measure.declaration import Experiment
+from softlab.model.base.components import named
+
+# command -> where its experiments are, in the order of the commands and of `softlab lab`
+EXPERIMENTS: dict[str, tuple[str, ...]] = {
+    command: tuple(f"softlab.bench.experiments.{place}" for place in places.split())
+    for command, places in {
+        "accuracy": "findings.experiment:Findings findings.costs:Costs convergence:Convergence",
+        "sweep": "scaling.experiment:Scaling",
+        "projections": "projections:Projections element_projections:ElementProjections",
+        "throughput": "throughput:Throughput",
+        "fluids": "fluids:Fluids fluid_truth.rows:FluidTruth fluid_rest:FluidRest",
+        "busy": "busy:Busy",
+        "tetrahedra": "tetrahedral.decides:Tetrahedra tetrahedral.meshes:Meshes",
+        "bar": "bar_rows:BarMaterial bar_costs:BarCosts",
+    }.items()
+}
+
+
+def experiments(*commands: str) -> list[Experiment]:
+    """Import and return the experiments of these commands, or all."""
+    return [named(place)() for command in commands or EXPERIMENTS for place in EXPERIMENTS[command]]

@@ -1,0 +1,198 @@
+"""Declarations of an experiment: its options, table, figure and sentences. What follows from them is derived.
+
+An experiment is a class in one file, named in bench/experiments/registry.py. From it follow its command
+(bench/declared_commands.py), its table (here), its figure (plots/core/declared.py), and its sentences in the lab book
+(labbook/claims/declared.py).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any, ClassVar
+
+from rich.console import Console
+from rich.table import Column
+
+from softlab.bench.measure.experiment import Report, Summary, backends_here, resume
+from softlab.bench.measure.tables import print_table
+from softlab.bench.measure.words import listed
+from softlab.bench.store.database import Store
+from softlab.bench.store.results import Measure, measures
+from softlab.model.base.errors import SceneError
+from softlab.model.core.simulation import PRECISIONS
+
+Value = str | int | float
+
+
+@dataclass(frozen=True)
+class Option:
+    """An option of an experiment, which may be repeated on the command line, or (`type` bool) a switch.
+
+    `values`: all that are allowed, if they are known; `usual`: those without the option (None: all), `quick`: in a quick
+    run (None: the same).
+    """
+
+    flag: str
+    help: str
+    type: type = str
+    values: Sequence[Value] = ()
+    usual: Sequence[Value] | None = None
+    quick: Sequence[Value] | None = None
+
+    def chosen(self, wanted: Any, quick: bool) -> Any:
+        """Return the wanted values, each once, or the usual ones. Raises SceneError for a value that is not allowed."""
+        if self.type is bool:
+            return bool(wanted)
+        for value in wanted or ():
+            if self.values and value not in self.values:
+                allowed = ", ".join(one if isinstance(one, str) else f"{one:g}" for one in self.values)
+                raise SceneError(self.flag, value, f"must be one of {allowed}")
+        usual = self.values if self.usual is None else self.usual
+        return list(dict.fromkeys(wanted or (self.quick if quick and self.quick is not None else usual)))
+
+
+PRECISION = Option(
+    "--precision", "float32 (the default), or float64. Repeatable.", values=tuple(PRECISIONS), usual=("float32",)
+)
+
+
+Cell = str | Callable[[Any], str]  # an attribute of a row, in a column of words, or the text of a number
+
+
+@dataclass(frozen=True)
+class Lines:
+    """A figure with a panel per backend and logarithmic axes: lines of `y` against `x`, both attributes of rows.
+
+    `styles`: key of a line -> (label, colour, marker); `dashes`: second key -> line style, of which solid lines are in the
+    legend; `keys(row)`: both keys; `select(row)`: False for rows that are not drawn. Colours have the names of
+    plots/core/colours.py, in lower case.
+    """
+
+    title: str
+    caption: str
+    y_label: str
+    styles: Mapping[Hashable, tuple[str, str, str]]
+    keys: Callable[[Any], tuple[Hashable, Hashable]]
+    x: str = "particles"
+    y: str = "rate"
+    x_label: str = "particles"
+    dashes: Mapping[Hashable, str] = field(default_factory=lambda: {0: "-"})
+    select: Callable[[Any], bool] = lambda row: True
+
+
+Part = tuple[str, Mapping[str, float]]  # the words on one backend, and their numbers
+
+
+@dataclass(frozen=True)
+class Sentence:
+    """A sentence of the lab book on every backend that was measured.
+
+    `text`: with {} for the parts; `part(rows)`: the part of one backend, None if its rows lack the numbers; `form`: of a
+    part with its place; `join`: of several; `missing`: the sentence if no backend has the numbers.
+    """
+
+    text: str
+    part: Callable[[Sequence[Any]], Part | None]
+    missing: str
+    form: str = "{part} on {place}"
+    join: Callable[[list[str]], str] = listed
+
+    def of(self, backends: Iterable[tuple[str, str, Sequence[Any]]]) -> tuple[str, dict[str, float]]:
+        """Return (sentence, numbers) of (backend, its place in words, rows); without numbers it is `missing`."""
+        parts, numbers = [], {}
+        for backend, place, rows in backends:
+            if (part := self.part(rows)) is not None:
+                parts.append(self.form.format(part=part[0], place=place))
+                numbers |= {f"{backend} {name}".strip(): value for name, value in part[1].items()}
+        return (self.text.format(self.join(parts)), numbers) if parts else (self.missing, {})
+
+
+class Experiment:
+    """Base of all experiments; an instance measures when it is called. The docstring of a class is the help of its command.
+
+    `name`: of its summary and of its versions (bench/keys/versions.py); `command`: the sub-command that measures it, in turn
+    with the others of that command; `switch`: the option that asks for it instead of the others; `example`, `quick_help`:
+    texts of the command; `options`: argument -> Option; `on_backends`: whether it has --backend; `in_lab`: measured by
+    `softlab lab`. `table`: head -> cell of a row, with the words `note` below.
+    """
+
+    name: ClassVar[str]
+    command: ClassVar[str] = ""
+    switch: ClassVar[Option | None] = None
+    example: ClassVar[str] = ""
+    quick_help: ClassVar[str] = "Fewer and smaller cases."
+    options: ClassVar[Mapping[str, Option]] = {}
+    summary: ClassVar[type[Summary]] = Summary
+    on_backends: ClassVar[bool] = True
+    in_lab: ClassVar[bool] = False
+    table: ClassVar[Mapping[str, Cell]] = {}
+    note: ClassVar[str] = ""
+    figure: ClassVar[Lines | None] = None
+    sentences: ClassVar[Mapping[str, Sentence]] = {}
+
+    def __call__(
+        self,
+        store: Store,
+        *,
+        quick: bool = False,
+        progress: bool = True,
+        command: str = "",
+        backends: Sequence[str] | None = None,
+        **how: Any,
+    ) -> Summary:
+        """Measure what the store lacks, group by group, and return a summary. Ctrl-C ends cleanly.
+
+        `quick`: fewer and smaller cases; `backends`: None for all of this machine; `how`: `options`. Raises SceneError (an
+        impossible choice), BackendUnavailable, InputError (the store).
+        """
+        groups = self.plan(store, backends_here(backends), quick, self.picked(how, quick))
+        summary = self.summary.begun(store, self.name)
+        return resume(
+            store, summary, groups, partial(self.is_stored, store, summary.machine, quick),
+            partial(self.measure, store, summary, quick), progress=progress, command=command or self.asked_by(),
+            worth=lambda case: getattr(case, "worth", 1),
+        )  # fmt: skip
+
+    def plan(
+        self, store: Store, backends: Sequence[str], quick: bool, options: Mapping[str, Any]
+    ) -> Sequence[Sequence[Any]]:
+        """Return the groups of cases."""
+        raise NotImplementedError
+
+    def is_stored(self, store: Store, machine: str, quick: bool, case: Any) -> bool:
+        """Return True if the store has all results of a case."""
+        raise NotImplementedError
+
+    def measure(self, store: Store, summary: Any, quick: bool, group: Sequence[Any], report: Report) -> None:
+        """Measure the cases of a group, and store their results."""
+        raise NotImplementedError
+
+    def rows(self, stored: Iterable[Measure], every: bool = False) -> Sequence[Any]:
+        """Return the results among the measures; with `every`, those of incomplete states too."""
+        raise NotImplementedError
+
+    def show(self, console: Console, store: Store, machine: str) -> None:
+        """Print a table of what was measured on a machine."""
+        if not self.table:
+            return
+        cells = [
+            [str(getattr(row, cell)) if isinstance(cell, str) else cell(row) for cell in self.table.values()]
+            for row in self.rows(measures(store, machine=machine), every=True)
+        ]
+        heads = [
+            Column(head, no_wrap=True) if isinstance(cell, str) else Column(head, justify="right")
+            for head, cell in self.table.items()
+        ]
+        print_table(console, heads, cells, self.note)
+
+    def asked_by(self) -> str:
+        """Return the command that measures it, as a user types it."""
+        return " ".join(filter(None, ("softlab", self.command, self.switch.flag if self.switch else "")))
+
+    def picked(self, how: Mapping[str, Any], quick: bool) -> dict[str, Any]:
+        """Return the arguments of `options` with their values. Raises SceneError for a value that is not allowed."""
+        if unknown := set(how) - set(self.options):
+            raise TypeError(f"{self.name} has no options {', '.join(sorted(unknown))}")
+        return {name: option.chosen(how.get(name), quick) for name, option in self.options.items()}
