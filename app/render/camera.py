@@ -1,5 +1,5 @@
-"""The camera of a plane: world metres <-> window pixels, and the mass under the pointer. In space: camera3d.py. Pure
-arithmetic, no OpenGL.
+"""Cameras: world metres <-> window pixels, and the mass under the pointer; the camera of a plane. In space: camera3d.py.
+Pure arithmetic, no OpenGL.
 
 Window coordinates count from the lower left corner, y up, in frame-buffer pixels.
 """
@@ -43,6 +43,12 @@ def joined_bounds(every: Sequence[Sequence[float]]) -> tuple[float, ...]:
     return (*low.tolist(), *high.tolist())
 
 
+def box_corners(low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """(2**dimensions, dimensions): the corners of the box from `low` to `high`, each (dimensions,)."""
+    axes = np.arange(len(low))
+    return np.array([np.where(k >> axes & 1, high, low) for k in range(1 << len(low))])
+
+
 @dataclass
 class Camera(ABC):
     """Common part of the cameras of a plane and of space: the point in the middle of a window of `width` x `height` pixels,
@@ -77,17 +83,66 @@ class Camera(ABC):
     def focal(self) -> float:
         """Pixels per unit of tangent: what a metre has at a metre's depth."""
 
+    @property
     @abstractmethod
-    def project(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(..., dimensions) metres -> (..., 2) pixels and (...,) metres of depth; pixels are NaN for what is not in front."""
+    def eye(self) -> np.ndarray:
+        """(3,) [m], where it looks from."""
+
+    @property
+    @abstractmethod
+    def ahead(self) -> np.ndarray:
+        """(3,), the unit vector in which it looks; 0 without perspective."""
 
     @abstractmethod
-    def on_plane(self, x: float, y: float, through: Sequence[float] | np.ndarray) -> tuple[float, ...]:
-        """The point [m] under the pixel (x, y) in the plane parallel to the window through a point `through` [m]."""
+    def _depth(self, seen: np.ndarray) -> np.ndarray:
+        """Return (...,) [m]: the depth of points (..., dimensions) in the camera's axes, from the target."""
+
+    @property
+    @abstractmethod
+    def nearest(self) -> float:
+        """Depth [m] beyond which points are in front."""
+
+    @abstractmethod
+    def matrix(self) -> np.ndarray:
+        """(4, 4): homogeneous world coordinates (a column; z = 0 in a plane) -> clip coordinates of OpenGL."""
 
     @abstractmethod
     def magnify(self, factor: float) -> None:
         """Show what lies at the target's depth so much larger, within what can be drawn."""
+
+    @abstractmethod
+    def holding(self, points: np.ndarray, margins: Margins, radius: float = 0.0) -> Self:
+        """Return a camera turned the same way that shows all `points` (n, dimensions) [m] inside the margins, as large as
+        can be. `radius` [m]: half the least side in a plane; in space the radius of balls about the points."""
+
+    @abstractmethod
+    def outermost(self, points: np.ndarray, margins: Margins, radius: float = 0.0) -> np.ndarray:
+        """Return points that determine this camera, made by `holding` for `points`: for them alone it is the same."""
+
+    def project(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(..., dimensions) metres -> (..., 2) pixels and (...,) metres of depth; pixels are NaN for what is not in front."""
+        with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
+            seen = (np.asarray(position, dtype=np.float64) - self.target) @ self.axes.T
+            depth = self._depth(seen)
+            depth = np.where(depth > self.nearest, depth, np.nan)
+            place = seen[..., :2] * self.focal / depth[..., None] + (self.width / 2, self.height / 2)
+        return place, depth
+
+    def on_plane(self, x: float, y: float, through: Sequence[float] | np.ndarray) -> tuple[float, ...]:
+        """The point [m] under the pixel (x, y) in the plane parallel to the window through a point `through` [m]."""
+        seen = self.axes @ (np.asarray(through, dtype=np.float64) - self.target)
+        seen[:2] = np.array([x - self.width / 2, y - self.height / 2]) * self._depth(seen) / self.focal
+        return tuple((self.target + seen @ self.axes).tolist())
+
+    def framing(self, bounds: Sequence[float], margins: Margins, least: float) -> Self:
+        """Return a camera turned the same way that shows the whole box `bounds`, as `finite_bounds` returns it [m], inside
+        the margins, as large as can be.
+
+        `least` [m]: no side is taken for shorter than this, so that a single mass does not fill the window.
+        """
+        low, high = np.reshape(np.asarray(bounds, dtype=np.float64), (2, -1))
+        grow = np.maximum(least - (high - low), 0) / 2
+        return self.holding(box_corners(low - grow, high + grow), margins)
 
     def aim(self, part: CameraPart | None) -> None:
         """Look where a scene's `camera` table says, as far as it does."""
@@ -144,22 +199,22 @@ class Camera2D(Camera):
         """The scale."""
         return self.scale
 
+    @property
+    def eye(self) -> np.ndarray:
+        """(3,): nowhere."""
+        return np.zeros(3)
+
+    ahead, nearest = eye, 0.0
+
+    def _depth(self, seen: np.ndarray) -> np.ndarray:
+        return np.ones(seen.shape[:-1])
+
     def matrix(self) -> np.ndarray:
-        """(4, 4): homogeneous world coordinates (a column, z = 0) -> clip coordinates of OpenGL."""
+        """Implement `Camera.matrix`."""
         across, up = 2 * self.scale / self.width, 2 * self.scale / self.height
         transform = np.diag([across, up, 0.0, 1.0])
         transform[:2, 3] = -across * self.x, -up * self.y
         return transform
-
-    def project(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(..., 2) metres -> (..., 2) pixels, and 1."""
-        middle = self.width / 2, self.height / 2
-        place = (np.asarray(position, dtype=np.float64) - (self.x, self.y)) * self.scale + middle
-        return place, np.ones(place.shape[:-1])
-
-    def on_plane(self, x: float, y: float, through: Sequence[float] | np.ndarray = ()) -> tuple[float, ...]:
-        """The point [m] under the pixel (x, y)."""
-        return self.x + (x - self.width / 2) / self.scale, self.y + (y - self.height / 2) / self.scale
 
     def as_dict(self) -> dict[str, float]:
         """Return the scale for the state file."""
@@ -169,26 +224,19 @@ class Camera2D(Camera):
         """Implement `Camera.magnify`."""
         self.scale = min(max(self.scale * factor, MIN_SCALE), MAX_SCALE)
 
-    def framing(self, bounds: Sequence[float], margins: Margins, least: float) -> Camera2D:
-        """A camera of the same window that shows all of `bounds` (left, bottom, right, top [m]) inside the margins.
-
-        `least` [m]: no side is taken for shorter than this, so that a single mass does not fill the window.
-        """
-        left, bottom, right, top = bounds
-        free_width = max(self.width - margins[0] - margins[2], 16.0)
-        free_height = max(self.height - margins[1] - margins[3], 16.0)
-        scale = min(free_width / max(right - left, least), free_height / max(top - bottom, least))
+    def holding(self, points: np.ndarray, margins: Margins, radius: float = 0.0) -> Camera2D:
+        """Implement `Camera.holding`."""
+        low, high = self.outermost(points, margins)
+        left, bottom, right, top = margins
+        free = np.maximum([self.width - left - right, self.height - bottom - top], 16.0)
+        with np.errstate(divide="ignore"):
+            scale = float(np.min(free / np.maximum(high - low, 2 * radius)))
         scale = min(max(scale, MIN_SCALE), MAX_SCALE)
-        x = (left + right) / 2 - (margins[0] - margins[2]) / 2 / scale
-        y = (bottom + top) / 2 - (margins[1] - margins[3]) / 2 / scale
+        x, y = ((low + high) / 2 - np.array([left - right, bottom - top]) / 2 / scale).tolist()
         return Camera2D(self.width, self.height, x, y, scale)
 
-    def holding(self, points: np.ndarray, margins: Margins, radius: float = 0.0) -> Camera2D:
-        """One that shows all `points` (n, 2) [m] inside the margins, no side shorter than twice the `radius` [m]."""
-        return self.framing(self.outermost(points, margins).ravel().tolist(), margins, 2 * radius)
-
     def outermost(self, points: np.ndarray, margins: Margins, radius: float = 0.0) -> np.ndarray:
-        """Two corners that this camera would be the same for."""
+        """Return two corners that this camera would be the same for."""
         return np.array([points.min(axis=0), points.max(axis=0)])
 
 
