@@ -22,27 +22,3 @@ def make_bits_between(math: str, strip: int) -> Any:
         return bits
 
     return bits_between
-
-
-def make_border_bits(math: str, strip: int, rings: Any) -> Any:
-    """Make border_bits(owned_rows, i, j, owned, rows, columns): those of the bits `owned_rows` that other blocks need.
-
-    `owned`: first and end of the rows that the block owns, and the same of its columns. Others need the outer `rings`
-    of these masses, except at the edges of the sheet.
-    """
-    bits_between = make_bits_between(math, strip)
-
-    @inlined(math)
-    def border_bits(owned_rows, i, j, owned, rows, columns):
-        row_first, row_end, column_first, column_end = owned
-        inner_first, inner_end = row_first, row_end
-        if row_first > 0:
-            inner_first = np.int32(row_first + rings)
-        if row_end < rows:
-            inner_end = np.int32(row_end - rings)
-        border = owned_rows & ~bits_between(inner_first, inner_end, i)
-        if (column_first > 0 and j < column_first + rings) or (column_end < columns and j >= column_end - rings):
-            border = owned_rows
-        return np.int32(border)
-
-    return border_bits

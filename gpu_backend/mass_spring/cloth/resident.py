@@ -144,7 +144,7 @@ def make_cloth_resident(real: Any, math: str, integrator: str, parts: frozenset[
         owned_rows = nothing
         if j >= column_first and j < column_end:
             owned_rows = bits_between(row_first, row_end, i)
-        border = border_bits(owned_rows, i, j, (row_first, row_end, column_first, column_end), rows, columns)
+        border = border_bits(owned_rows, i, j, extent, rows, columns)
         values, where = constants(parameters), sides(Cell(i, j, rows, columns))
         world = World(values, bodies, integers)
         first = current_step(counter, np.int64(0))

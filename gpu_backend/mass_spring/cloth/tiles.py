@@ -26,7 +26,7 @@ from softlab.gpu_backend.mass_spring.cloth.tiling import (
     stencil_rows,
     tile_bytes,
 )
-from softlab.gpu_backend.mass_spring.tile_bits import make_bits_between, make_border_bits
+from softlab.gpu_backend.mass_spring.tile_bits import make_bits_between
 
 
 def cloth_blocks_together(real: Any, tile: Tile, parts: frozenset[str]) -> int:
@@ -44,7 +44,7 @@ def _make_places(math: str, parts: frozenset[str], tile: Tile) -> SimpleNamespac
         np.int32(tile.rows),
         np.int32(stencil_rows(parts)),
     )
-    pitch, inline = np.int32(plane_shape(tile, parts)[1]), inlined(math)
+    pitch, inline, bits_between = np.int32(plane_shape(tile, parts)[1]), inlined(math), make_bits_between(math, strip)
 
     @inline
     def span(index, count, masses, size):
@@ -99,7 +99,20 @@ def _make_places(math: str, parts: frozenset[str], tile: Tile) -> SimpleNamespac
         place = np.int32((i - row_start + stencil) * pitch + (j - column_start + stencil))
         return np.int32(i * columns + j), place
 
-    bits_between, border_bits = make_bits_between(math, strip), make_border_bits(math, strip, rings)
+    @inline
+    def border_bits(owned_rows, i, j, extent, rows, columns):
+        """Return those of the bits `owned_rows` that other blocks need."""
+        _, row_first, row_end, _, column_first, column_end = extent
+        inner_first, inner_end = row_first, row_end
+        if row_first > 0:
+            inner_first = np.int32(row_first + rings)
+        if row_end < rows:
+            inner_end = np.int32(row_end - rings)
+        border = owned_rows & ~bits_between(inner_first, inner_end, i)
+        if (column_first > 0 and j < column_first + rings) or (column_end < columns and j >= column_end - rings):
+            border = owned_rows
+        return np.int32(border)
+
     return SimpleNamespace(
         place_of=place_of, around=around, bits_between=bits_between, border_bits=border_bits, pitch=pitch
     )  # fmt: skip

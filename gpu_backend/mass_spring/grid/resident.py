@@ -24,7 +24,6 @@ from softlab.gpu_backend.core.tiling import Tile
 from softlab.gpu_backend.core.world import Cell
 from softlab.gpu_backend.mass_spring.grid.strips import StripState, pair_type
 from softlab.gpu_backend.mass_spring.grid.tiles import grid_blocks_together, make_tile_parts
-from softlab.gpu_backend.mass_spring.tile_bits import make_border_bits
 
 FLAG_STRIDE = 32  # int32 between two flags: a 128-byte line each, so that polling one does not slow another
 
@@ -84,7 +83,6 @@ def make_resident(real: Any, math: str, integrator: str, parts: frozenset[str], 
     write, bits_between = f.write, f.bits_between
     run = f.runs["middle"] if "middle" in f.runs else f.runs["step"]
     strip, halo, pair = tile.strip, tile.halo, pair_type(real)
-    border_bits = make_border_bits(math, strip, np.int32(halo))
 
     def resident(
         position, velocity, new_position, new_velocity, border_position, border_velocity, flags, epoch, failed, record,
@@ -106,7 +104,11 @@ def make_resident(real: Any, math: str, integrator: str, parts: frozenset[str], 
             if j >= column_first and j < column_end:
                 owned_rows = rows_owned
             outside = rows_here & ~owned_rows
-            border = border_bits(owned_rows, i, j, owned, rows, columns)
+            inner_first = row_first + halo if row_first > 0 else row_first
+            inner_end = row_end - halo if row_end < rows else row_end
+            border = owned_rows & ~bits_between(inner_first, inner_end, i)
+            if (column_first > 0 and j < column_first + halo) or (column_end < columns and j >= column_end - halo):
+                border = owned_rows
         values = constants(parameters)
         read(position, velocity, vx, vy, both, place, Cell(i, j, rows, columns))
         pin_bits = pin_bits_of(pinned, Cell(i, j, rows, columns))
