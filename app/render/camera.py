@@ -183,6 +183,7 @@ class Camera2D(Camera):
     """Looks at a plane without perspective: everything lies as if a metre away. `scale` is pixels per metre."""
 
     scale: float = 30.0
+    nearest = 0.0  # no field: every point is in front
 
     @property
     def target(self) -> np.ndarray:
@@ -204,7 +205,10 @@ class Camera2D(Camera):
         """(3,): nowhere."""
         return np.zeros(3)
 
-    ahead, nearest = eye, 0.0
+    @property
+    def ahead(self) -> np.ndarray:
+        """(3,): 0."""
+        return np.zeros(3)
 
     def _depth(self, seen: np.ndarray) -> np.ndarray:
         return np.ones(seen.shape[:-1])
