@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 import signal
 import sys
 import threading
@@ -25,13 +26,15 @@ from softlab.model.domains.launched import launched_rank
 errors = Console(stderr=True, highlight=False, soft_wrap=True)
 out = Output(highlight=False)
 
-PLAINER = {  # messages of pydantic or typer about an argument, and plainer ones
-    "Option '--record' requires 2 arguments.": "--record needs two words: --record every=N FILE.npz",
-    "Missing argument 'SCENE'.": "SCENE is missing: give a name that `softlab scenes` lists, or a .toml file",
-    "Missing argument": "missing argument:",
-    "Got unexpected extra argument(s)": "unexpected argument, or an option that lacks its value:",
-    "Input should be a valid integer, unable to parse string as an integer": "must be a whole number",
-    "Input should be a valid number, unable to parse string as a number": "must be a number",
+PLAINER = {  # messages of pydantic, typer or click about an argument, as patterns, and plainer ones
+    r"Option '--record' requires 2 arguments\.": "--record needs two words: --record every=N FILE.npz",
+    r"Missing argument 'SCENE'\.": "SCENE is missing: give a name that `softlab scenes` lists, or a .toml file",
+    r"Missing argument": "missing argument:",
+    r"Got unexpected extra argument(\(s\)|s)?": "unexpected argument, or an option that lacks its value:",
+    r"Input should be a valid integer, unable to parse string as an integer|'[^']*' is not a valid integer\.": (
+        "must be a whole number"
+    ),
+    r"Input should be a valid number, unable to parse string as a number|'[^']*' is not a valid float\.": "must be a number",
 }
 # base class of all complaints about a command line; typer exports only some of them
 UsageError: type[Exception] = typer.BadParameter.mro()[2]
@@ -151,8 +154,8 @@ def usage_line(error: Any) -> str:
     known = sys.argv[1:2] if sys.argv[1:2] and not sys.argv[1].startswith("-") else []
     command = error.ctx.command_path if getattr(error, "ctx", None) else " ".join(["softlab", *known])
     said = " ".join(error.format_message().split())
-    for words, ours in PLAINER.items():
-        said = said.replace(words, ours)
+    for pattern, plainer in PLAINER.items():
+        said = re.sub(pattern, plainer, said)
     if (option := _wrong_option(error)) is not None:
         said = said.replace(f"Invalid value for '{option[0]}'", f"{option[0]} = {shown(option[1])}")
     return str(SoftlabError(f"{said} (see {command} --help)"))

@@ -1,5 +1,5 @@
-"""The camera of a plane: world metres <-> window pixels, and the mass under the pointer. In space: camera3d.py. Pure
-arithmetic, no OpenGL.
+"""Cameras: world metres <-> window pixels, and the mass under the pointer; the camera of a plane. In space: camera3d.py.
+Pure arithmetic, no OpenGL.
 
 Window coordinates count from the lower left corner, y up, in frame-buffer pixels.
 """
@@ -36,11 +36,17 @@ def finite_bounds(position: np.ndarray) -> tuple[float, ...] | None:
 
 
 def joined_bounds(every: Sequence[Sequence[float]]) -> tuple[float, ...]:
-    """Return the box around at least one box in the form of `finite_bounds`."""
+    """The box around boxes, each as `finite_bounds` gives it; at least one."""
     half = len(every[0]) // 2
     low = np.min([bounds[:half] for bounds in every], axis=0)
     high = np.max([bounds[half:] for bounds in every], axis=0)
     return (*low.tolist(), *high.tolist())
+
+
+def box_corners(low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """(2**dimensions, dimensions): the corners of the box from `low` to `high`, each (dimensions,)."""
+    axes = np.arange(len(low))
+    return np.array([np.where(k >> axes & 1, high, low) for k in range(1 << len(low))])
 
 
 @dataclass
@@ -56,7 +62,7 @@ class Camera(ABC):
     @property
     @abstractmethod
     def target(self) -> np.ndarray:
-        """Point that is shown in the middle of the window, (dimensions,) [m]."""
+        """(dimensions,) [m], what lies in the middle of the window."""
 
     def _aim(self, target: np.ndarray) -> None:
         for name, part in zip("xyz", target.tolist(), strict=False):
@@ -65,7 +71,7 @@ class Camera(ABC):
     @property
     @abstractmethod
     def axes(self) -> np.ndarray:
-        """Unit vectors to the right, up, and, in space, toward the viewer, as rows, (dimensions, dimensions)."""
+        """(dimensions, dimensions): rows are the unit vectors to the right, up, and, in space, toward the viewer."""
 
     @property
     @abstractmethod
@@ -77,19 +83,68 @@ class Camera(ABC):
     def focal(self) -> float:
         """Pixels per unit of tangent: the size of a metre at a distance of a metre."""
 
+    @property
     @abstractmethod
-    def project(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Project points (..., dimensions) [m]; returns pixels (..., 2), NaN for points that are not in front, and
-        depths (...,) [m]."""
+    def eye(self) -> np.ndarray:
+        """(3,) [m], where it looks from."""
+
+    @property
+    @abstractmethod
+    def ahead(self) -> np.ndarray:
+        """(3,), the unit vector in which it looks; 0 without perspective."""
 
     @abstractmethod
-    def on_plane(self, x: float, y: float, through: Sequence[float] | np.ndarray) -> tuple[float, ...]:
-        """Return the point [m] under the pixel (x, y) in the plane parallel to the window through the point `through`
-        [m]."""
+    def _depth(self, seen: np.ndarray) -> np.ndarray:
+        """Return (...,) [m]: the depth of points (..., dimensions) in the camera's axes, from the target."""
+
+    @property
+    @abstractmethod
+    def nearest(self) -> float:
+        """Depth [m] beyond which points are in front."""
+
+    @abstractmethod
+    def matrix(self) -> np.ndarray:
+        """(4, 4): homogeneous world coordinates (a column; z = 0 in a plane) -> clip coordinates of OpenGL."""
 
     @abstractmethod
     def magnify(self, factor: float) -> None:
         """Magnify what is at the target's depth by `factor`, within the limits of drawing."""
+
+    @abstractmethod
+    def holding(self, points: np.ndarray, margins: Margins, radius: float = 0.0) -> Self:
+        """Return a camera turned the same way that shows all `points` (n, dimensions) [m] inside the margins, as large as
+        can be. `radius` [m]: half the least side in a plane; in space the radius of balls about the points."""
+
+    @abstractmethod
+    def outermost(self, points: np.ndarray, margins: Margins, radius: float = 0.0) -> np.ndarray:
+        """Return points that determine this camera, made by `holding` for `points`: for them alone it is the same."""
+
+    def project(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Project points (..., dimensions) [m]; returns pixels (..., 2), NaN for points that are not in front, and depths
+        (...,) [m]."""
+        with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
+            seen = (np.asarray(position, dtype=np.float64) - self.target) @ self.axes.T
+            depth = self._depth(seen)
+            depth = np.where(depth > self.nearest, depth, np.nan)
+            place = seen[..., :2] * self.focal / depth[..., None] + (self.width / 2, self.height / 2)
+        return place, depth
+
+    def on_plane(self, x: float, y: float, through: Sequence[float] | np.ndarray) -> tuple[float, ...]:
+        """Return the point [m] under the pixel (x, y) in the plane parallel to the window through the point `through`
+        [m]."""
+        seen = self.axes @ (np.asarray(through, dtype=np.float64) - self.target)
+        seen[:2] = np.array([x - self.width / 2, y - self.height / 2]) * self._depth(seen) / self.focal
+        return tuple((self.target + seen @ self.axes).tolist())
+
+    def framing(self, bounds: Sequence[float], margins: Margins, least: float) -> Self:
+        """Return a camera turned the same way that shows the whole box `bounds`, as `finite_bounds` returns it [m], inside
+        the margins, as large as can be.
+
+        `least` [m]: no side is taken for shorter than this, so that a single mass does not fill the window.
+        """
+        low, high = np.reshape(np.asarray(bounds, dtype=np.float64), (2, -1))
+        grow = np.maximum(least - (high - low), 0) / 2
+        return self.holding(box_corners(low - grow, high + grow), margins)
 
     def aim(self, part: CameraPart | None) -> None:
         """Look where a scene's `camera` table says, as far as it does."""
@@ -99,11 +154,11 @@ class Camera(ABC):
             self.magnify(self.height / part.size / self.scale)
 
     def to_window(self, position: np.ndarray) -> np.ndarray:
-        """Project points (..., dimensions) [m] to pixels (..., 2); NaN for points that are not in front."""
+        """(..., dimensions) metres -> (..., 2) pixels; NaN for what is not in front."""
         return self.project(position)[0]
 
     def direction(self, columns: int, rows: int) -> tuple[float, ...]:
-        """Return the unit vector in the direction of an arrow key in the window."""
+        """The unit vector that points as an arrow key does in the window."""
         right, up = self.axes[:2]
         return tuple((columns * right + rows * up).tolist())
 
@@ -113,7 +168,7 @@ class Camera(ABC):
         self._aim(self.target - (dx * right + dy * up) / self.scale)
 
     def zoom(self, factor: float, x: float, y: float) -> None:
-        """Magnify by `factor`; the place at the target's depth under the window point (x, y) stays there."""
+        """Magnify by `factor`; at the target's depth the window point (x, y) keeps showing the same place."""
         before = np.array(self.on_plane(x, y, self.target))
         self.magnify(factor)
         self._aim(self.target + before - self.on_plane(x, y, self.target))
@@ -130,6 +185,7 @@ class Camera2D(Camera):
     """Looks at a plane without perspective: everything lies as if a metre away. `scale` is pixels per metre."""
 
     scale: float = 30.0
+    nearest = 0.0  # no field: every point is in front
 
     @property
     def target(self) -> np.ndarray:
@@ -146,22 +202,25 @@ class Camera2D(Camera):
         """The scale."""
         return self.scale
 
+    @property
+    def eye(self) -> np.ndarray:
+        """(3,): nowhere."""
+        return np.zeros(3)
+
+    @property
+    def ahead(self) -> np.ndarray:
+        """(3,): 0."""
+        return np.zeros(3)
+
+    def _depth(self, seen: np.ndarray) -> np.ndarray:
+        return np.ones(seen.shape[:-1])
+
     def matrix(self) -> np.ndarray:
-        """(4, 4): homogeneous world coordinates (a column, z = 0) -> clip coordinates of OpenGL."""
+        """Implement `Camera.matrix`."""
         across, up = 2 * self.scale / self.width, 2 * self.scale / self.height
         transform = np.diag([across, up, 0.0, 1.0])
         transform[:2, 3] = -across * self.x, -up * self.y
         return transform
-
-    def project(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(..., 2) metres -> (..., 2) pixels, and 1."""
-        middle = self.width / 2, self.height / 2
-        place = (np.asarray(position, dtype=np.float64) - (self.x, self.y)) * self.scale + middle
-        return place, np.ones(place.shape[:-1])
-
-    def on_plane(self, x: float, y: float, through: Sequence[float] | np.ndarray = ()) -> tuple[float, ...]:
-        """The point [m] under the pixel (x, y)."""
-        return self.x + (x - self.width / 2) / self.scale, self.y + (y - self.height / 2) / self.scale
 
     def as_dict(self) -> dict[str, float]:
         """Return the scale for the state file."""
@@ -171,27 +230,19 @@ class Camera2D(Camera):
         """Implement `Camera.magnify`."""
         self.scale = min(max(self.scale * factor, MIN_SCALE), MAX_SCALE)
 
-    def framing(self, bounds: Sequence[float], margins: Margins, least: float) -> Camera2D:
-        """A camera of the same window that shows all of `bounds` (left, bottom, right, top [m]) inside the margins.
-
-        `least` [m]: no side is taken for shorter than this, so that a single mass does not fill the window.
-        """
-        left, bottom, right, top = bounds
-        free_width = max(self.width - margins[0] - margins[2], 16.0)
-        free_height = max(self.height - margins[1] - margins[3], 16.0)
-        scale = min(free_width / max(right - left, least), free_height / max(top - bottom, least))
+    def holding(self, points: np.ndarray, margins: Margins, radius: float = 0.0) -> Camera2D:
+        """Implement `Camera.holding`."""
+        low, high = self.outermost(points, margins)
+        left, bottom, right, top = margins
+        free = np.maximum([self.width - left - right, self.height - bottom - top], 16.0)
+        with np.errstate(divide="ignore"):
+            scale = float(np.min(free / np.maximum(high - low, 2 * radius)))
         scale = min(max(scale, MIN_SCALE), MAX_SCALE)
-        x = (left + right) / 2 - (margins[0] - margins[2]) / 2 / scale
-        y = (bottom + top) / 2 - (margins[1] - margins[3]) / 2 / scale
+        x, y = ((low + high) / 2 - np.array([left - right, bottom - top]) / 2 / scale).tolist()
         return Camera2D(self.width, self.height, x, y, scale)
 
-    def holding(self, points: np.ndarray, margins: Margins, radius: float = 0.0) -> Camera2D:
-        """Return a camera of the same window that shows all `points` (n, 2) [m] inside the margins. No side is shorter
-        than twice the `radius` [m]."""
-        return self.framing(self.outermost(points, margins).ravel().tolist(), margins, 2 * radius)
-
     def outermost(self, points: np.ndarray, margins: Margins, radius: float = 0.0) -> np.ndarray:
-        """Return two corners for which this camera would be the same."""
+        """Return two corners that this camera would be the same for."""
         return np.array([points.min(axis=0), points.max(axis=0)])
 
 

@@ -5,7 +5,6 @@ Pure arithmetic, no OpenGL. Window coordinates count from the lower left corner,
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import acos, atan2, cos, hypot, pi, sin, tan
 
@@ -56,6 +55,19 @@ class Camera3D(Camera):
         return self.target + self.distance * self.axes[2]
 
     @property
+    def ahead(self) -> np.ndarray:
+        """(3,), the unit vector in which it looks."""
+        return -self.axes[2]
+
+    @property
+    def nearest(self) -> float:
+        """Depth of the near plane [m]."""
+        return NEAREST * self.distance
+
+    def _depth(self, seen: np.ndarray) -> np.ndarray:
+        return np.asarray(self.distance - seen[..., 2])
+
+    @property
     def focal(self) -> float:
         """Pixels per unit of tangent: what a metre has at a metre's depth."""
         return self.height / 2 / tan(FIELD_OF_VIEW / 2)
@@ -66,8 +78,8 @@ class Camera3D(Camera):
         return self.focal / self.distance
 
     def matrix(self) -> np.ndarray:
-        """(4, 4): homogeneous world coordinates (a column) -> clip coordinates of OpenGL."""
-        near, far = NEAREST * self.distance, FARTHEST * self.distance
+        """Implement `Camera.matrix`."""
+        near, far = self.nearest, FARTHEST * self.distance
         view = np.eye(4)
         view[:3, :3] = self.axes
         view[:3, 3] = -self.axes @ self.eye
@@ -77,22 +89,6 @@ class Camera3D(Camera):
         project[2, 2], project[2, 3] = (far + near) / (near - far), 2 * far * near / (near - far)
         project[3, 2] = -1.0
         return project @ view
-
-    def project(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(..., 3) metres -> (..., 2) pixels and (...,) metres of depth; pixels are NaN for what is not in front."""
-        with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
-            seen = (np.asarray(position, dtype=np.float64) - self.eye) @ self.axes.T
-            depth = -seen[..., 2]
-            depth = np.where(depth > NEAREST * self.distance, depth, np.nan)
-            place = seen[..., :2] * self.focal / depth[..., None] + (self.width / 2, self.height / 2)
-        return place, depth
-
-    def on_plane(self, x: float, y: float, through: Sequence[float] | np.ndarray) -> tuple[float, ...]:
-        """The point [m] under the pixel (x, y) in the plane parallel to the window through a point `through` [m]."""
-        right, up, back = self.axes
-        depth = float((self.eye - through) @ back)
-        ray = (x - self.width / 2) / self.focal * right + (y - self.height / 2) / self.focal * up - back
-        return tuple((self.eye + depth * ray).tolist())
 
     def as_dict(self) -> dict[str, float]:
         """Return scale, rotation and distance for the state file."""
@@ -125,16 +121,8 @@ class Camera3D(Camera):
         """Implement `Camera.magnify` by a change of the distance."""
         self.distance = min(max(self.distance / factor, MIN_DISTANCE), MAX_DISTANCE)
 
-    def framing(self, bounds: Sequence[float], margins: Margins, least: float) -> Camera3D:
-        """A camera turned the same way that shows the whole box `bounds` (lowest x, y, z, highest x, y, z [m]) inside the
-        margins (pixels left, bottom, right, top), as large as can be. `least` [m]: no side is taken for shorter."""
-        low, high = np.array(bounds[:3]), np.array(bounds[3:])
-        grow = np.maximum(least - (high - low), 0) / 2
-        return self.holding(box_corners(low - grow, high + grow), margins)
-
     def holding(self, points: np.ndarray, margins: Margins, radius: float = 0.0) -> Camera3D:
-        """A camera turned the same way that shows balls of `radius` [m] about all `points` (n, 3) [m] inside the margins, as
-        large as can be.
+        """Implement `Camera.holding`.
 
         With a point (x, y, z) in the camera's axes and an eye at (a, b, c), it lies left of the right margin where
         x - a <= t (c - z), t the margin's tangent: each margin bounds a +- t c, and two together bound c. A ball takes its
@@ -158,8 +146,7 @@ class Camera3D(Camera):
         return replace(self, x=x, y=y, z=z, distance=distance)
 
     def outermost(self, points: np.ndarray, margins: Margins, radius: float = 0.0) -> np.ndarray:
-        """Return those of `points` (n, 3) [m] that determine this camera, which shows all of them: for them alone it
-        would be the same."""
+        """Implement `Camera.outermost`: those of `points` that limit the eye."""
         seen, sides = np.asarray(points, dtype=np.float64) @ self.axes.T, self._tangents(margins)
         indices = [int(np.argmin(seen[:, 2])), int(np.argmax(seen[:, 2]))]
         eye = self.axes @ self.eye
@@ -208,8 +195,3 @@ def _outer(away: np.ndarray, depth: np.ndarray, radius: float, side: Side) -> li
     that are seen outermost."""
     below, above = (radius * hypot(1, tangent) for tangent in side)
     return [int(np.argmin((away - below) / depth)), int(np.argmax((away + above) / depth))]
-
-
-def box_corners(low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """(8, 3): the corners of the box from `low` to `high`, each (3,)."""
-    return np.array([np.where([k & 1, k & 2, k & 4], high, low) for k in range(8)])

@@ -7,8 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from softlab.app.presentation import presentation_of
-from softlab.app.render.camera import finite_bounds
-from softlab.app.render.camera3d import box_corners
+from softlab.app.render.camera import box_corners, finite_bounds
 from softlab.app.render.collider_shapes import collider_boxes
 from softlab.app.render.fluid.framing import main_part, with_tank
 from softlab.model.scene.scene import Scene

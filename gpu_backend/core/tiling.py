@@ -1,4 +1,4 @@
-"""Partition of a grid into overlapping tiles: pure arithmetic, for the kernels, their launches and their tests.
+"""Tiles of a sheet, one for each block: their names, what a multiprocessor runs of them, and how a grid is divided.
 
 A tile of a block is `columns` wide and `strips * strip` rows high; each thread has a strip of `strip` masses of one
 column in registers. Advanced by itself, a tile loses one ring of masses per step, those that an outside neighbour would
@@ -9,7 +9,17 @@ the first and the last tile own up to the edge.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
+
+from softlab.gpu_backend.core.device import simulated
+from softlab.model.base.errors import SceneError
+
+# of a multiprocessor (compute capability 9.0; smaller ones run fewer blocks)
+SHARED_MEMORY = 227 << 10  # bytes
+BLOCK_OVERHEAD = 1 << 10  # bytes of shared memory that the system reserves per block
+REGISTERS, MAX_BLOCKS = 1 << 16, 32
+MAX_THREADS = 1024  # per block
 
 
 @dataclass(frozen=True)
@@ -37,6 +47,46 @@ class Tile:
     def name(self) -> str:
         """Name of the tile, such as 64x8x8h4: columns, strips, masses per strip, halo."""
         return f"{self.columns}x{self.strips}x{self.strip}h{self.halo}"
+
+
+def parsed_tile(text: str) -> Tile:
+    """Return the tile of a name such as 64x8x8h4: columns x threads down x masses per thread, then the halo."""
+    match = re.fullmatch(r"(\d{1,4})x(\d{1,4})x(\d{1,2})h(\d{1,2})", text)
+    numbers = [int(number) for number in match.groups()] if match else []
+    if not match or min(numbers[:3]) < 1 or numbers[2] > 16:
+        raise SceneError(
+            "--kernel",
+            text,
+            "a tile is written like 64x8x8h4: columns, threads down, masses of a thread (1 to 16), halo",
+        )
+    return Tile(*numbers)
+
+
+def blocks_together(tile: Tile, needed: int, registers: int) -> int:
+    """Return the number of blocks that should fit on a multiprocessor, so that one computes while another waits for
+    memory or neighbours: as many as shared memory, `needed` bytes each, and `registers` per thread allow, at least
+    one."""
+    if simulated():  # one after another
+        return 1
+    by_memory = SHARED_MEMORY // (needed + BLOCK_OVERHEAD)
+    return max(1, min(by_memory, REGISTERS // (registers * tile.threads), MAX_BLOCKS))
+
+
+def why_no_block(tile: Tile, needed: int, most_shared: int) -> str:
+    """Return the reason why a block with `most_shared` bytes of shared memory cannot run a tile that takes `needed`, or
+    ""."""
+    if tile.threads > MAX_THREADS:
+        return f"a tile of {tile.name} needs {tile.threads} threads, a block has at most {MAX_THREADS}"
+    if needed > most_shared:
+        return f"a tile of {tile.name} needs {needed} bytes of shared memory, a block has {most_shared}"
+    return ""
+
+
+def why_not_at_once(rows: int, columns: int, tile: Tile, blocks: int, together: int) -> str:
+    """Return the reason why `blocks` tiles of a sheet do not run at once where `together` do, or ""."""
+    if blocks <= together:
+        return ""
+    return f"{rows} x {columns} masses are {blocks} tiles of {tile.name}; this GPU runs {together} at once"
 
 
 def tile_count(masses: int, size: int, halo: int) -> int:

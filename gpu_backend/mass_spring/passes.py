@@ -31,14 +31,15 @@ class SheetPasses(CudaSimulation):
     def _constants(self, number: int) -> Arguments:
         """Return the arguments of a pass besides the buffers; `number`: its number after the step counter."""
 
+    def states(self) -> tuple[Any, Any, Any, Any]:
+        """Return position and velocity of the current buffer, then those of the other one."""
+        source, target = self._current, 1 - self._current
+        return self.position[source], self.velocity[source], self.position[target], self.velocity[target]
+
     def _pass(self, name: str, number: int) -> None:
         """Launch one pass from the current buffer into the other; `number`: its number after the step counter."""
-        source, target = self._current, 1 - self._current
-        self._passes[name][self._grid](
-            self.position[source], self.velocity[source], self.position[target], self.velocity[target],
-            *self._constants(number),
-        )  # fmt: skip
-        self._current = target
+        self._passes[name][self._grid](*self.states(), *self._constants(number))
+        self._current = 1 - self._current
 
     def _launch_passes(self, parity: int, count: int) -> None:
         self._current = parity
@@ -106,14 +107,14 @@ class SheetPasses(CudaSimulation):
 
 class TileLaunches:
     """The launches of a `kernel` on tiles for one simulation, from its current state into the other buffer, which
-    becomes the current one. Subclasses set `_kernel`, `_grid`, and for `resident` `_failed`."""
+    becomes the current one. Subclasses set `_kernel` and `_grid`."""
 
     _kernel: Any
     _grid: tuple[Any, ...]
-    _failed: Any
 
     def __init__(self, simulation: Any, kernel: str, tile: Tile):
         self.simulation, self.kernel, self.tile, self._epoch = simulation, kernel, tile, 0
+        self._failed = simulation.zeros(1, np.int32)  # 1 if a block of `resident` timed out waiting for others
 
     @abstractmethod
     def _arguments(self, number: int, passes: int) -> Arguments:

@@ -128,7 +128,7 @@ def components(count: int, ends: np.ndarray) -> np.ndarray:
     from scipy.sparse import coo_array  # a tenth of a second, for those who have meshes
     from scipy.sparse.csgraph import connected_components
 
-    one, other = np.asarray(ends, dtype=np.int64).reshape(-1, 2).T
+    one, other = np.asarray(ends, dtype=np.int32).reshape(-1, 2).T  # scipy's graphs have 32-bit indices
     graph = coo_array((np.ones(len(one)), (one, other)), shape=(count, count))
     label = connected_components(graph, directed=False)[1]
     return np.unique(label, return_index=True)[1][label]

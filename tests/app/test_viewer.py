@@ -258,12 +258,12 @@ def test_a_backend_that_is_there_takes_the_state() -> None:
 
 def test_the_camera_goes_there_and_back() -> None:
     camera = Camera2D(800, 600, 3.0, -4.0, 25.0)
-    assert camera.on_plane(*camera.to_window(np.array([1.5, 2.5]))) == pytest.approx((1.5, 2.5))
-    place = camera.on_plane(100, 500)
+    assert camera.on_plane(*camera.to_window(np.array([1.5, 2.5])), camera.target) == pytest.approx((1.5, 2.5))
+    place = camera.on_plane(100, 500, camera.target)
     camera.zoom(3.0, 100, 500)
-    assert camera.on_plane(100, 500) == pytest.approx(place)  # the place under the pointer stays
+    assert camera.on_plane(100, 500, camera.target) == pytest.approx(place)  # the place under the pointer stays
     camera.pan(40, -20)
-    assert camera.on_plane(140, 480) == pytest.approx(place)
+    assert camera.on_plane(140, 480, camera.target) == pytest.approx(place)
     clip = camera.matrix() @ (*place, 0.0, 1.0)  # the shaders see it where the pointer does
     np.testing.assert_allclose((clip[:2] + 1) / 2 * (800, 600), (140, 480), atol=1e-9)
     framed = camera.framing((-1, -2, 9, 30), (50, 60, 70, 80), 1.0)

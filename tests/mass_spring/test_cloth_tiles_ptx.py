@@ -16,8 +16,8 @@ def text_of(tile: str, parts: frozenset[str], integrator: str, real: Any = np.fl
     """The PTX of a kernel's body."""
     from numba import types
 
+    from softlab.gpu_backend.core.tiling import parsed_tile
     from softlab.gpu_backend.mass_spring.cloth.resident import make_cloth_resident
-    from softlab.gpu_backend.mass_spring.grid.choice import parsed_tile
 
     compiled = make_cloth_resident(real, math, integrator, parts, parsed_tile(tile))
     scalars = (types.float32 if real is np.float32 else types.float64)[::1]

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from softlab.gpu_backend.core.tiling import Tile, tile_count
+from softlab.gpu_backend.core.tiling import Tile, parsed_tile, tile_count
 from softlab.gpu_backend.mass_spring.cloth.tiling import (
     fields,
     most_to_fetch,
@@ -90,7 +90,7 @@ def test_tables_of_tiles_can_be_launched() -> None:
     """Every tile of the tables, on the GPU that they were measured on; and which sheets the larger ones fit."""
     from softlab.gpu_backend.mass_spring.cloth.choice import RESIDENT, cloth_tiles_of
     from softlab.gpu_backend.mass_spring.cloth.launch import why_no_cloth_tile
-    from softlab.gpu_backend.mass_spring.grid.choice import MEASURED_LIMITS, parsed_tile
+    from softlab.gpu_backend.mass_spring.grid.choice import MEASURED_LIMITS
 
     for real in (np.float32, np.float64):
         for name in RESIDENT[real]:

@@ -83,13 +83,15 @@ def test_tiles_give_the_bits_of_the_cpu(integrator: str, precision: str) -> None
 @pytest.mark.parametrize("precision", ["float32", "float64"])
 def test_every_tile_of_the_table_gives_the_bits_of_a_launch_a_step(precision: str) -> None:
     """Also where two blocks share a multiprocessor, and where tiles are as large as shared memory."""
-    from softlab.gpu_backend.mass_spring.grid.choice import RESIDENT, TILES, parsed_tile
-    from softlab.gpu_backend.mass_spring.grid.tile_launch import fits_resident
+    from softlab.gpu_backend.core.tiling import parsed_tile
+    from softlab.gpu_backend.mass_spring.grid.choice import RESIDENT, TILES
+    from softlab.gpu_backend.mass_spring.grid.tile_launch import why_no_tile
 
     real = np.float32 if precision == "float32" else np.float64
     for name in [*RESIDENT[real], TILES[real][0]]:
         rung = "resident" if name in RESIDENT[real] else "tiles"
-        sizes = [n for n in (1000, 500, 250, 120) if rung == "tiles" or fits_resident(n, n, real, parsed_tile(name))]
+        tile = parsed_tile(name)
+        sizes = [n for n in (1000, 500, 250, 120) if rung == "tiles" or not why_no_tile(rung, n, n, real, tile)]
         scene = load_scene("lab-grid").replace({"grid.rows": sizes[0], "grid.columns": sizes[0] + 1})
         states = []
         for kernel in ("launch", f"{rung}:{name}"):

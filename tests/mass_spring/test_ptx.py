@@ -64,7 +64,7 @@ LAB_PARTS = frozenset({"springs", "gravity", "damping", "pins", "poke"})
 def tile_kernel(
     rung: str, real: Any, math: str, integrator: str, tile: str, cut: bool = True, parts: frozenset[str] = PARTS
 ) -> Any:
-    from softlab.gpu_backend.mass_spring.grid.choice import parsed_tile
+    from softlab.gpu_backend.core.tiling import parsed_tile
     from softlab.gpu_backend.mass_spring.grid.resident import make_resident
     from softlab.gpu_backend.mass_spring.grid.tiles import make_tile_pass
 

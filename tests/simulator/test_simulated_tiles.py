@@ -19,8 +19,7 @@ import softlab.gpu_backend.mass_spring.cloth.launch as cloth_launch
 import softlab.gpu_backend.mass_spring.grid.tile_launch as tile_launch
 import softlab.gpu_backend.tetrahedra.resident_launch as resident_launch
 from softlab.app.driver import open_simulation
-from softlab.gpu_backend.core.tiling import owned, tile_count
-from softlab.gpu_backend.mass_spring.grid.choice import parsed_tile
+from softlab.gpu_backend.core.tiling import owned, parsed_tile, tile_count
 from softlab.gpu_backend.mass_spring.grid.tiles import make_tile_parts
 from softlab.model.base.errors import SceneError
 from softlab.model.core.simulation import State
@@ -143,7 +142,7 @@ def test_resident_blocks_exchange_every_other_step(blocks_together: None) -> Non
 def test_tiles_that_cannot_be_are_refused() -> None:
     scene = load_scene("lab-grid").replace({"grid.rows": 12, "grid.columns": 12})
     for kernel, word in (
-        ("resident:6x2x3h1", "fit on this GPU"),
+        ("resident:6x2x3h1", "at once; use tiles or graph"),
         ("tiles:4x2x2h2", "too small for its halo"),
         ("tiles:4x2", "written like"),
         ("tiles:4x2x0h1", "written like"),

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from softlab.app.render.camera3d import Camera3D
+from softlab.app.render.camera import Camera
 from softlab.app.render.fluid.surface import FluidSurface
 from softlab.app.render.opengl import shader_program
 from softlab.app.render.vertex_arrays import delete_all, point_array, static_buffer, uniform_matrix
@@ -81,7 +79,7 @@ class FoamLayer:
         """Update the points; see `FoamPoints.follow`."""
         self.points.follow(position, velocity, time)
 
-    def draw(self, camera: Any, surface: FluidSurface | None = None) -> None:
+    def draw(self, camera: Camera, surface: FluidSurface | None = None) -> None:
         """Draw the points over the picture; `surface`: the fluid's surface in the same picture, if it is drawn as one."""
         from pyglet import gl
 
@@ -93,11 +91,8 @@ class FoamLayer:
         program = self._program
         program.use()
         program["transform"], program["radius"] = uniform_matrix(camera.matrix()), self._radius
-        if isinstance(camera, Camera3D):
-            program["eye"], program["ahead"] = tuple(camera.eye.tolist()), tuple((-camera.axes[2]).tolist())
-            program["pixels"] = camera.focal
-        else:
-            program["eye"], program["ahead"], program["pixels"] = (0.0,) * 3, (0.0,) * 3, camera.scale
+        program["eye"], program["ahead"] = tuple(camera.eye.tolist()), tuple(camera.ahead.tolist())
+        program["pixels"] = camera.focal
         program["dimmed"], program["rim"] = 0.0 if surface is None else self._dimmed, 1.0 if self._space else RIM
         if surface is not None:
             surface.bind_depth()

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from softlab.app.render.camera3d import FARTHEST, NEAREST, Camera3D
+from softlab.app.render.camera3d import FARTHEST, Camera3D
 from softlab.app.render.fluid import filter_shaders, shaders
 from softlab.app.render.fluid.pictures import (
     BEHIND,
@@ -158,9 +158,9 @@ class FluidSurface:
         program.use()
         program["transform"], program["eye"] = uniform_matrix(camera.matrix()), tuple(camera.eye.tolist())
         program["upward"] = tuple(camera.axes[1].tolist())
-        program["ahead"] = tuple((-camera.axes[2]).tolist())
+        program["ahead"] = tuple(camera.ahead.tolist())
         if name == "thickness":
-            program["planes"] = (NEAREST * camera.distance, FARTHEST * camera.distance)
+            program["planes"] = (camera.nearest, FARTHEST * camera.distance)
             self._pictures.bind(others=BEHIND_DEPTH)
         gl.glBindVertexArray(self._array)
         gl.glDrawArraysInstanced(gl.GL_TRIANGLE_STRIP, 0, 4, self.count)
@@ -293,7 +293,7 @@ class FluidSurface:
         }  # fmt: skip
         for unit, name in enumerate(pictures):
             program[name] = unit
-        program["planes"] = (NEAREST * camera.distance, FARTHEST * camera.distance)
+        program["planes"] = (camera.nearest, FARTHEST * camera.distance)
         program["axes"], program["key"] = tuple(camera.axes.ravel().tolist()), tuple(self._light.tolist())
         program["edge"] = EDGE * self._radius
         program["bend"], program["zenith"], program["horizon"], program["floor_colour"] = BEND, ZENITH, HORIZON, FLOOR

@@ -6,16 +6,17 @@ gravity, damping and two pins. A choice depends only on their ratios, so it suit
 
 from __future__ import annotations
 
+from math import prod
 from typing import Any
 
 import numpy as np
 
 from softlab.gpu_backend.core.device import device_limits
 from softlab.gpu_backend.core.launch import can_capture
-from softlab.gpu_backend.core.tiling import Tile
+from softlab.gpu_backend.core.tiling import Tile, parsed_tile
 from softlab.gpu_backend.mass_spring.cloth.block import MAX_THREADS, block_bytes
 from softlab.gpu_backend.mass_spring.cloth.launch import cloth_blocks, why_no_cloth_tile
-from softlab.gpu_backend.mass_spring.grid.choice import parsed_tile
+from softlab.gpu_backend.mass_spring.tile_choice import fastest, measured_tiles
 from softlab.model.base.errors import SceneError
 from softlab.model.core.options import unknown_kernel
 from softlab.model.mass_spring.cloth_plan import kicks_coupled
@@ -79,16 +80,12 @@ def cloth_tiles_of(
     rows: int, columns: int, real: Any, parts: frozenset[str], limits: tuple[int, int] | None = None
 ) -> list[tuple[Tile, float | None]]:
     """Return (tile, us per step if measured) of the table's tiles that fit the sheet."""
-    tiles: list[tuple[Tile, float | None]] = []
-    for name, by_blocks in RESIDENT[real].items():
-        tile = parsed_tile(name)
-        if not why_no_cloth_tile(rows, columns, real, tile, parts, limits):
-            across, down = cloth_blocks(rows, columns, tile, parts)
-            blocks_each = -(-across * down // (limits or device_limits())[0])
-            tiles.append(
-                (tile, min((time for blocks, time in by_blocks.items() if blocks >= blocks_each), default=None))
-            )
-    return tiles
+
+    def blocks(tile: Tile) -> int:
+        reason = why_no_cloth_tile(rows, columns, real, tile, parts, limits)
+        return 0 if reason else prod(cloth_blocks(rows, columns, tile, parts))
+
+    return measured_tiles(RESIDENT[real], (limits or device_limits())[0], blocks)
 
 
 def choose_cloth(
@@ -104,15 +101,7 @@ def choose_cloth(
     if not why_not_resident(scene, parts):
         candidates = cloth_tiles_of(rows, columns, real, parts, limits)
         times |= {("resident", tile): time for tile, time in candidates if time is not None}
-    first, *others = sorted(times, key=lambda choice: times[choice])
-    why = f"{times[first]:.2g} us a step by the table"
-    if others:
-        why += f", next {_spelt(*others[0])} with {times[others[0]]:.2g}"
-    return *first, why
-
-
-def _spelt(kernel: str, tile: Tile | None) -> str:
-    return f"{kernel}:{tile.name}" if tile else kernel
+    return fastest(times)
 
 
 def default_cloth_kernel(

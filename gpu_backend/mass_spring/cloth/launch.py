@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
+from math import prod
 from typing import Any
 
 import numpy as np
-from numba import cuda
 
 from softlab.gpu_backend.core.device import Arguments, device_limits
 from softlab.gpu_backend.core.launch import prepare
 from softlab.gpu_backend.core.messages import message_size
-from softlab.gpu_backend.core.tiling import Tile, tile_count
+from softlab.gpu_backend.core.tiling import Tile, tile_count, why_no_block, why_not_at_once
 from softlab.gpu_backend.mass_spring.cloth.resident import make_cloth_resident
 from softlab.gpu_backend.mass_spring.cloth.tiles import cloth_blocks_together
 from softlab.gpu_backend.mass_spring.cloth.tiling import fields, most_to_fetch, overlap_of, tile_bytes
@@ -18,7 +18,6 @@ from softlab.gpu_backend.mass_spring.passes import TileLaunches
 from softlab.model.base.errors import SceneError
 from softlab.model.base.types import Real
 
-MAX_THREADS = 1024  # per block
 MAX_EACH = 31  # masses that a thread fetches: bits of an integer
 
 
@@ -34,24 +33,19 @@ def why_no_cloth_tile(
     """Return the reason why `resident` cannot run a sheet on this tile on this GPU, or on one of `limits` (see
     `device_limits`), or ""."""
     processors, most_shared = limits or device_limits()
-    needed, overlap = tile_bytes(real, tile, parts), overlap_of(tile, parts)
+    overlap = overlap_of(tile, parts)
     if tile.halo < 1:
         return f"a tile of {tile.name} needs at least one step between exchanges: h1"
-    if tile.threads > MAX_THREADS:
-        return f"a tile of {tile.name} needs {tile.threads} threads, a block has at most {MAX_THREADS}"
-    if needed > most_shared:
-        return f"a tile of {tile.name} needs {needed} bytes of shared memory, a block has {most_shared}"
+    if reason := why_no_block(tile, tile_bytes(real, tile, parts), most_shared):
+        return reason
     if tile.rows > rows or tile.columns > columns:
         return f"a tile of {tile.name} is {tile.rows} x {tile.columns}, larger than the sheet of {rows} x {columns}"
     if (tile.rows < rows and tile.rows <= 2 * overlap) or (tile.columns < columns and tile.columns <= 2 * overlap):
         return f"a tile of {tile.name} is too small to do {tile.halo} steps by itself"
     if most_to_fetch(tile, parts) > MAX_EACH * tile.threads:
         return f"a tile of {tile.name} has too few threads for all that they read around it"
-    across, down = cloth_blocks(rows, columns, tile, parts)
     together = processors * cloth_blocks_together(real, tile, parts)
-    if across * down > together:
-        return f"{rows} x {columns} masses are {across * down} tiles of {tile.name}; this GPU runs {together} at once"
-    return ""
+    return why_not_at_once(rows, columns, tile, prod(cloth_blocks(rows, columns, tile, parts)), together)
 
 
 class ClothTiles(TileLaunches):
@@ -70,14 +64,11 @@ class ClothTiles(TileLaunches):
         self._kernel = make_cloth_resident(*variant)
         count = 2 * simulation.particle_count * message_size(real)
         sizes = count, count if fields(tile, parts) == 6 else 1
-        self._borders = [cuda.to_device(np.zeros(size, real), stream=simulation.stream) for size in sizes]
-        self._failed = cuda.to_device(np.zeros(1, np.int32), stream=simulation.stream)
+        self._borders = [simulation.zeros(size, real) for size in sizes]
         prepare(self._kernel, self._arguments(0, 1), shared, cooperative=True)
 
     def _arguments(self, number: int, passes: int) -> Arguments:
         s = self.simulation
-        source, target = s._current, 1 - s._current
-        states = (s.position[source], s.velocity[source], s.position[target], s.velocity[target])
         constants = (s.record, s.bodies, s.integers, s._counter)
         border = (*self._borders, np.int32(self._epoch), self._failed)
-        return (*states, *border, *constants, np.int64(passes), *s.shape)
+        return (*s.states(), *border, *constants, np.int64(passes), *s.shape)

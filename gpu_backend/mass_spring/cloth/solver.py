@@ -112,11 +112,8 @@ class ClothMassSpring(SheetPasses, QuadSimulation):
             self._pass("closing", number + 1)
 
     def _block_arguments(self, passes: int) -> Arguments:
-        source, target = self._current, 1 - self._current
-        return (
-            self.position[source], self.velocity[source], self.position[target], self.velocity[target], self.record,
-            self.bodies, self.integers, self._counter, np.int64(0), np.int64(passes), *self.shape,
-        )  # fmt: skip
+        constants = (self.record, self.bodies, self.integers, self._counter)
+        return (*self.states(), *constants, np.int64(0), np.int64(passes), *self.shape)
 
     def _launch_on_chip(self, count: int) -> None:
         if self._tiles is not None:

@@ -13,10 +13,9 @@ import numpy as np
 from numba import cuda
 
 from softlab.gpu_backend.core.compile import inlined
-from softlab.gpu_backend.core.device import simulated
 from softlab.gpu_backend.core.planes import near
 from softlab.gpu_backend.core.quads import load_quad, store_quad
-from softlab.gpu_backend.core.tiling import Tile
+from softlab.gpu_backend.core.tiling import Tile, blocks_together
 from softlab.gpu_backend.mass_spring.cloth.point import make_cloth_forces
 from softlab.gpu_backend.mass_spring.cloth.strips import make_cloth_strips
 from softlab.gpu_backend.mass_spring.cloth.tiling import (
@@ -27,24 +26,13 @@ from softlab.gpu_backend.mass_spring.cloth.tiling import (
     stencil_rows,
     tile_bytes,
 )
-from softlab.gpu_backend.mass_spring.grid.strips import make_bits_between
-from softlab.gpu_backend.mass_spring.grid.tiles import SHARED_MEMORY
-
-BLOCK_OVERHEAD = 1 << 10  # bytes of shared memory that the system reserves per block
-MAX_BLOCKS = 32  # per multiprocessor
+from softlab.gpu_backend.mass_spring.tile_bits import make_bits_between
 
 
 def cloth_blocks_together(real: Any, tile: Tile, parts: frozenset[str]) -> int:
-    """Return the number of blocks that should fit on a multiprocessor.
-
-    As many as shared memory allows, and as leave a thread 128 registers (in float64 255), or what a block's own threads
-    leave.
-    """
-    if simulated():  # one after another
-        return 1
-    threads = 512 if real is np.float32 else 256
-    by_memory = SHARED_MEMORY // (tile_bytes(real, tile, parts) + BLOCK_OVERHEAD)
-    return max(1, min(by_memory, threads // tile.threads, MAX_BLOCKS))
+    """Return the number of blocks that should fit on a multiprocessor, with 128 registers a thread (in float64 all that
+    a thread can have)."""
+    return blocks_together(tile, tile_bytes(real, tile, parts), 128 if real is np.float32 else 256)
 
 
 def _make_places(math: str, parts: frozenset[str], tile: Tile) -> SimpleNamespace:

@@ -7,17 +7,17 @@ choice depends only on their ratios, so it suits other GPUs well enough.
 
 from __future__ import annotations
 
-import re
+from math import prod
 from typing import Any
 
 import numpy as np
 
 from softlab.gpu_backend.core.device import device_limits
 from softlab.gpu_backend.core.launch import can_capture
-from softlab.gpu_backend.core.tiling import Tile
+from softlab.gpu_backend.core.tiling import MAX_THREADS, Tile, parsed_tile, why_no_block
 from softlab.gpu_backend.mass_spring.grid.strips import shared_bytes
-from softlab.gpu_backend.mass_spring.grid.tile_launch import blocks_of, fits_resident
-from softlab.model.base.errors import SceneError
+from softlab.gpu_backend.mass_spring.grid.tile_launch import blocks_of, why_no_tile
+from softlab.gpu_backend.mass_spring.tile_choice import fastest, measured_tiles
 from softlab.model.scene.scene import Scene
 
 # us per step of `resident` on a tile, by the blocks that share a multiprocessor; all run at once, so the grid's size
@@ -44,7 +44,6 @@ ONE_BLOCK = {np.float32: (0.10, 0.33), np.float64: (0.15, 0.66)}
 # of `graph`: us per launch, plus us per million masses
 GRAPH = {np.float32: (1.35, 6.3), np.float64: (1.95, 12.5)}
 
-MAX_THREADS = 1024
 MEASURED_ON = "NVIDIA H200"
 MEASURED_LIMITS = (132, 227 << 10)  # its multiprocessors, and the bytes of shared memory that a block can have
 
@@ -74,21 +73,19 @@ def _times(
     masses = rows * columns
     times: dict[tuple[str, Tile | None], float] = {("graph", None): launch + 1e-6 * masses * million}
     tile = one_block_tile(rows, columns)
-    if tile.threads <= MAX_THREADS and shared_bytes(real, tile) <= most_shared:
+    if not why_no_block(tile, shared_bytes(real, tile), most_shared):
         least, thousand = ONE_BLOCK[real]
         times["one-block", tile] = least + 1e-3 * tile.masses * thousand
-    for name, by_blocks in RESIDENT[real].items():
-        tile = parsed_tile(name)
-        if fits_resident(rows, columns, real, tile, limits):
-            across, down = blocks_of(rows, columns, tile)
-            blocks_each = -(-across * down // processors)
-            measured = [time for blocks, time in by_blocks.items() if blocks >= blocks_each]
-            if measured:
-                times["resident", tile] = min(measured)
+
+    def blocks(tile: Tile) -> int:
+        reason = why_no_tile("resident", rows, columns, real, tile, limits)
+        return 0 if reason else prod(blocks_of(rows, columns, tile))
+
+    candidates = measured_tiles(RESIDENT[real], processors, blocks)
+    times |= {("resident", tile): time for tile, time in candidates if time is not None}
     name, launch, million = TILES[real]
     tile = parsed_tile(name)
-    across, down = blocks_of(rows, columns, tile)
-    times["tiles", tile] = launch + 1e-6 * across * down * tile.masses * million
+    times["tiles", tile] = launch + 1e-6 * prod(blocks_of(rows, columns, tile)) * tile.masses * million
     return times
 
 
@@ -101,13 +98,7 @@ def default_kernel(scene: Scene, real: Any, limits: tuple[int, int] | None = Non
         return "graph", None, "the kernels on tiles run one force a step, rk4 has four"
     if scene.springs and scene.springs.alternate:
         return "graph", None, "the kernels on tiles know one stiffness, these springs alternate"
-    times = _times(scene.grid.rows, scene.grid.columns, real, limits)
-    first, *others = sorted(times, key=lambda choice: times[choice])
-    why = f"{times[first]:.2g} us a step by the table"
-    if others:
-        kernel, tile = others[0]
-        why += f", next {kernel}{f':{tile.name}' if tile else ''} with {times[others[0]]:.2g}"
-    return *first, why
+    return fastest(_times(scene.grid.rows, scene.grid.columns, real, limits))
 
 
 def step_seconds(rows: int, columns: int, real: Any, limits: tuple[int, int]) -> float:
@@ -123,20 +114,7 @@ def best_tile(kernel: str, rows: int, columns: int, real: Any) -> Tile | None:
         times = {tile: time for (name, tile), time in _times(rows, columns, real).items() if name == kernel}
         return min(times, key=lambda tile: times[tile]) if times else None
     tile = one_block_tile(rows, columns)
-    return tile if tile.threads <= MAX_THREADS and shared_bytes(real, tile) <= device_limits()[1] else None
-
-
-def parsed_tile(text: str) -> Tile:
-    """Return the tile of a name such as 64x8x8h4: columns x threads down x masses per thread, then the halo."""
-    match = re.fullmatch(r"(\d{1,4})x(\d{1,4})x(\d{1,2})h(\d{1,2})", text)
-    numbers = [int(number) for number in match.groups()] if match else []
-    if not match or min(numbers[:3]) < 1 or numbers[2] > 16:
-        raise SceneError(
-            "--kernel",
-            text,
-            "a tile is written like 64x8x8h4: columns, threads down, masses of a thread (1 to 16), halo",
-        )
-    return Tile(*numbers)
+    return None if why_no_block(tile, shared_bytes(real, tile), device_limits()[1]) else tile
 
 
 def named_tile(option: str) -> tuple[str, Tile | None]:

@@ -23,7 +23,7 @@ from softlab.gpu_backend.core.pairs import store_pair
 from softlab.gpu_backend.core.tiling import Tile
 from softlab.gpu_backend.core.world import Cell
 from softlab.gpu_backend.mass_spring.grid.strips import StripState, pair_type
-from softlab.gpu_backend.mass_spring.grid.tiles import blocks_together, make_tile_parts
+from softlab.gpu_backend.mass_spring.grid.tiles import grid_blocks_together, make_tile_parts
 
 FLAG_STRIDE = 32  # int32 between two flags: a 128-byte line each, so that polling one does not slow another
 
@@ -137,6 +137,6 @@ def make_resident(real: Any, math: str, integrator: str, parts: frozenset[str], 
             offset = particles - offset
         write(new_position, new_velocity, np.int32(0), owned_rows, both, old, state, columns)
 
-    bounds = (tile.threads, blocks_together(real, tile))
+    bounds = (tile.threads, grid_blocks_together(real, tile))
     variant = variant_name(real, math, integrator, parts, tile.name, cut)
     return make_kernel(resident, variant, launch_bounds=bounds, **kernel_options(math))

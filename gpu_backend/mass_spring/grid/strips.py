@@ -57,21 +57,6 @@ def shared_bytes(real: Any, tile: Tile) -> int:
     return 2 * tile.masses * 2 * np.dtype(real).itemsize
 
 
-def make_bits_between(math: str, strip: int) -> Any:
-    """Make bits_between(first, end, i): bit r set if first <= i + r < end."""
-
-    @inlined(math)
-    def bits_between(first, end, i):
-        bits = np.int32(0)
-        for r in range(strip):
-            row = i + np.int32(r)
-            if row >= first and row < end:
-                bits = bits | np.int32(1 << r)
-        return bits
-
-    return bits_between
-
-
 def make_reads(real: Any, math: str, parts: frozenset[str], tile: Tile) -> SimpleNamespace:
     """Make the functions that a thread of a tile starts with:
 

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
+from math import prod
 from typing import Any
 
 import numpy as np
-from numba import cuda
 
 from softlab.gpu_backend.core.device import device_limits
 from softlab.gpu_backend.core.launch import can_capture, prepare
-from softlab.gpu_backend.core.tiling import Tile, owned, tile_count, whole_strips
+from softlab.gpu_backend.core.tiling import Tile, owned, tile_count, whole_strips, why_no_block, why_not_at_once
 from softlab.gpu_backend.mass_spring.bands import Bands, band_cuts
 from softlab.gpu_backend.mass_spring.grid.resident import FLAG_STRIDE, make_resident
 from softlab.gpu_backend.mass_spring.grid.strips import shared_bytes
-from softlab.gpu_backend.mass_spring.grid.tiles import blocks_together, make_tile_pass
+from softlab.gpu_backend.mass_spring.grid.tiles import grid_blocks_together, make_tile_pass
 from softlab.gpu_backend.mass_spring.passes import TileLaunches
 from softlab.model.base.errors import SceneError
 
@@ -23,43 +23,23 @@ def blocks_of(rows: int, columns: int, tile: Tile) -> tuple[int, int]:
     return tile_count(columns, tile.columns, tile.halo), tile_count(rows, tile.rows, tile.halo)
 
 
-def require_tile(
+def why_no_tile(
     kernel: str, rows: int, columns: int, real: Any, tile: Tile, limits: tuple[int, int] | None = None
-) -> None:
-    """Raise SceneError if a kernel on tiles cannot run on a grid with this tile on this GPU, or on one of `limits`."""
+) -> str:
+    """Return the reason why a kernel on tiles cannot run a grid with this tile on this GPU, or on one of `limits` (see
+    `device_limits`), or ""."""
     processors, most_shared = limits or device_limits()
     several = rows > tile.rows or columns > tile.columns
-    across = down = 1
-    why = ""
-    if shared_bytes(real, tile) > most_shared:
-        why = (
-            f"a tile of {tile.name} needs {shared_bytes(real, tile)} bytes of shared memory, a block has {most_shared}"
-        )
-    elif tile.threads > 1024:
-        why = f"a tile of {tile.name} needs {tile.threads} threads, a block has at most 1024"
-    elif kernel == "one-block" and several:
-        why = f"a block of {tile.name} holds at most {tile.rows} x {tile.columns} masses; use resident, tiles or graph"
-    elif several and (tile.halo < 1 or min(tile.rows, tile.columns) < 3 * tile.halo):
-        why = f"a tile of {tile.name} is too small for its halo"
-    else:
-        across, down = blocks_of(rows, columns, tile)
-    together = processors * blocks_together(real, tile)
-    if kernel == "resident" and across * down > together:
-        why = (
-            f"{rows} x {columns} masses are {across * down} tiles of {tile.rows} x {tile.columns}, and only {together} "
-            "fit on this GPU at once; use tiles or graph"
-        )
-    if why:
-        raise SceneError("--kernel", kernel, why)
-
-
-def fits_resident(rows: int, columns: int, real: Any, tile: Tile, limits: tuple[int, int] | None = None) -> bool:
-    """Return True if `resident` can run the grid on this tile."""
-    try:
-        require_tile("resident", rows, columns, real, tile, limits)
-    except SceneError:
-        return False
-    return True
+    if reason := why_no_block(tile, shared_bytes(real, tile), most_shared):
+        return reason
+    if kernel == "one-block" and several:
+        return f"a block of {tile.name} holds at most {tile.rows} x {tile.columns} masses"
+    if several and (tile.halo < 1 or min(tile.rows, tile.columns) < 3 * tile.halo):
+        return f"a tile of {tile.name} is too small for its halo"
+    if kernel != "resident":
+        return ""
+    together = processors * grid_blocks_together(real, tile)
+    return why_not_at_once(rows, columns, tile, prod(blocks_of(rows, columns, tile)), together)
 
 
 class TileLauncher(TileLaunches):
@@ -68,9 +48,10 @@ class TileLauncher(TileLaunches):
     def __init__(self, simulation: Any, kernel: str, tile: Tile):
         super().__init__(simulation, kernel, tile)
         rows, columns = simulation.body.rows, simulation.body.columns
-        require_tile(kernel, rows, columns, simulation.real, tile)
+        if reason := why_no_tile(kernel, rows, columns, simulation.real, tile):
+            raise SceneError("--kernel", kernel, f"{reason}; use {'graph' if kernel == 'tiles' else 'tiles or graph'}")
         across, down = self.tiles = blocks_of(rows, columns, tile)
-        self.together = device_limits()[0] * blocks_together(simulation.real, tile)
+        self.together = device_limits()[0] * grid_blocks_together(simulation.real, tile)
         cut = rows % tile.strip != 0 if across * down == 1 else not whole_strips(rows, tile)
         variant = (
             simulation.real, simulation.options.math, simulation.scene.method.integrator, simulation.plan.parts, tile, cut
@@ -81,9 +62,8 @@ class TileLauncher(TileLaunches):
             self._kernel = make_resident(*variant)
             count = 2 * simulation.particle_count
             pair = np.complex64 if simulation.real is np.float32 else np.complex128
-            self._borders = [cuda.to_device(np.zeros(count, pair), stream=simulation.stream) for _ in range(2)]
-            self._flags = cuda.to_device(np.zeros(across * down * FLAG_STRIDE, np.int32), stream=simulation.stream)
-            self._failed = cuda.to_device(np.zeros(1, np.int32), stream=simulation.stream)
+            self._borders = [simulation.zeros(count, pair) for _ in range(2)]
+            self._flags = simulation.zeros(across * down * FLAG_STRIDE, np.int32)
         else:
             self._kernel = make_tile_pass(*variant, kernel == "one-block")
         prepare(self._kernel, self._arguments(0, 1), shared, cooperative=kernel == "resident")
@@ -92,9 +72,7 @@ class TileLauncher(TileLaunches):
     def _arguments(self, number: int, passes: int, first: int = 0) -> tuple[Any, ...]:
         """Return the kernel's arguments; `first`: the row of tiles that a launch begins with."""
         s = self.simulation
-        source, target = s._current, 1 - s._current
-        states = (s.position[source], s.velocity[source], s.position[target], s.velocity[target])
-        tail = (np.int64(passes), s.pinned, *s.shape)
+        states, tail = s.states(), (np.int64(passes), s.pinned, *s.shape)
         if self.kernel == "resident":
             border = (*self._borders, self._flags, np.int32(self._epoch), self._failed)
             return (*states, *border, s.record, s.integers, s._counter, *tail)

@@ -19,14 +19,13 @@ import numpy as np
 from numba import cuda
 
 from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
-from softlab.gpu_backend.core.device import ALIGNMENT, simulated
+from softlab.gpu_backend.core.device import ALIGNMENT
 from softlab.gpu_backend.core.pairs import load_pair, store_pair
-from softlab.gpu_backend.core.tiling import Tile
+from softlab.gpu_backend.core.tiling import Tile, blocks_together
 from softlab.gpu_backend.core.world import Cell
 from softlab.gpu_backend.mass_spring.grid import strips
 from softlab.gpu_backend.mass_spring.grid.point import make_moves, make_point_functions
-
-SHARED_MEMORY = 227 << 10  # bytes per multiprocessor (compute capability 9.0; smaller ones run fewer blocks)
+from softlab.gpu_backend.mass_spring.tile_bits import make_bits_between
 
 
 @cache
@@ -113,17 +112,13 @@ def make_tile_parts(real: Any, math: str, integrator: str, parts: frozenset[str]
     runs = {name: make_run(move) for name, move in make_moves(real, math, integrator, parts).items()}
     return SimpleNamespace(
         constants=reads.constants, read=reads.read, pin_bits_of=reads.pin_bits_of, axis=axis, place_of=place_of, runs=runs,
-        write=write, bits_between=strips.make_bits_between(math, strip),
+        write=write, bits_between=make_bits_between(math, strip),
     )  # fmt: skip
 
 
-def blocks_together(real: Any, tile: Tile) -> int:
-    """Return the number of blocks that should fit on a multiprocessor, so that one computes while another waits for
-    memory or neighbours: as many as shared memory allows, and as leave a thread 64 registers (128 in float64)."""
-    if simulated():  # one after another
-        return 1
-    threads = 1024 if real is np.float32 else 512
-    return max(1, min(SHARED_MEMORY // strips.shared_bytes(real, tile), threads // tile.threads))
+def grid_blocks_together(real: Any, tile: Tile) -> int:
+    """Return the number of blocks that should fit on a multiprocessor, with 64 registers a thread (128 in float64)."""
+    return blocks_together(tile, strips.shared_bytes(real, tile), 64 if real is np.float32 else 128)
 
 
 @cache
@@ -175,6 +170,6 @@ def make_tile_pass(
             owned_rows = bits_between(row_first, row_end, i)
             write(new_position, new_velocity, zero, owned_rows, both, old, state, columns)
 
-    bounds = (tile.threads, 1 if whole else blocks_together(real, tile))
+    bounds = (tile.threads, 1 if whole else grid_blocks_together(real, tile))
     variant = variant_name(real, math, integrator, parts, tile.name, cut, whole)
     return make_kernel(tile_pass, variant, launch_bounds=bounds, **kernel_options(math))
