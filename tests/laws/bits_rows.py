@@ -107,6 +107,7 @@ SIMULATED = {
     "free": ("float32",), "voxels": ("float32",),
 }  # fmt: skip
 SLOW = LOOSE | {"origin": [0.0, 0.5, 0.0], "velocity": [1.0, 0.5, 0.2], "mass_damping": 3.0, "mass_ratio": 1.5}
+SLEEPING = {"solver": "xpbd", "dt": 0.01, "substeps": 2, "sleeping_speed": 0.05}
 NEAR: dict[str, Any] = {
     "body": vbd_scenes.BODY,
     "second": vbd_scenes.FREE | {"origin": [0.22, 0.03, 0.01], "velocity": [-1.0, 0.0, 0.2], "spin": [0.0] * 3},
@@ -125,13 +126,17 @@ def tetrahedra() -> Iterator[Row]:
         )  # fmt: skip
     for solver in SOLVERS:
         kernels, damper = (ONE, {"bar": BAR | {"damping": 0.02}}) if solver == "newton" else (LAUNCHED, {})
-        both = dict.fromkeys((CPU, SIMULATOR), ("float32",)) if solver == "xpbd" else {CPU: ("float32",)}
         driven = damper | {"slow": SLOW, **ENDS}
-        steps = {CPU: 3, SIMULATOR: 2, GPU: 20}
-        usual = both | {SIMULATOR: ("float32",)} if solver == "vbd" else both
+        steps, simulated = {CPU: 3, SIMULATOR: 2, GPU: 20}, ("float32",) if solver != "newton" else ()
+        usual = {CPU: ("float32",), SIMULATOR: simulated}
         yield Row(f"{solver} driven", partial(kinematic_scene, solver, **driven), steps, kernels=kernels, usual=usual)
         held = {"bar": LOOSE, "cube": CUBE, "hook": HOOK | {"compliance": 1e-4 * (solver == "newton")}, "clamp": CLAMP}
-        yield Row(f"{solver} attached", partial(kinematic_scene, solver, **held), steps, kernels=kernels, usual={CPU: ("float64",)})
+        scene, usual = partial(kinematic_scene, solver, **held), {CPU: ("float64",)}
+        yield Row(f"{solver} attached", scene, steps, kernels=kernels, usual=usual)
+    slow = LOOSE | {"origin": [0.0, 0.5, 0.0]}
+    tables = {"gravity": {"acceleration": 2.0}, "method": SLEEPING, "slow": slow}
+    scene, steps = partial(kinematic_scene, "xpbd", **tables), {CPU: 3, SIMULATOR: 2, GPU: 60}
+    yield Row("xpbd sleeping", scene, steps, usual={CPU: ("float64",), SIMULATOR: ("float32",)})
 
 
 def by_vertices() -> Iterator[Row]:
@@ -167,7 +172,8 @@ def newton() -> Iterator[Row]:
         yield second
     groups = {SIMULATOR: ("float64",)}
     yield Row("newton groups", of.groups_and_bodies, {SIMULATOR: 1, GPU: 20}, of.shaken, kernels=ONE, usual=groups)
-    yield Row("newton long", partial(of.bar, 2, damping=0.01), {CPU: 3, GPU: 20}, of.shaken, kernels=ONE)
+    long = {CPU: ("float64",)}
+    yield Row("newton long", partial(of.bar, 2, damping=0.01), {CPU: 2, GPU: 20}, of.shaken, kernels=ONE, usual=long)
     for across, count in ((4, 5), (8, 2)):
         for material, damping in (("fixed-corotated", 0.01), ("neo-hookean", 0.01), ("fixed-corotated", 0.0)):
             scene = partial(of.bar, across, material=material, damping=damping)
@@ -175,13 +181,11 @@ def newton() -> Iterator[Row]:
 
 
 def surfaces() -> Iterator[Row]:
-    three, touching = surface_scenes.three, {CPU: 2, SIMULATOR: 1, GPU: 30}
-    yield Row(
-        "surfaces", three, touching, surface_scenes.crumpled_state, without=lambda: three(static_friction=0.0, dynamic_friction=0.0),
-        usual={CPU: ("float32",), SIMULATOR: PRECISIONS},
-    )  # fmt: skip
+    three, begin = surface_scenes.three, surface_scenes.crumpled_state
     smooth_ones = partial(three, static_friction=0.0, dynamic_friction=0.0)
-    yield Row("smooth surfaces", smooth_ones, {SIMULATOR: 1}, surface_scenes.crumpled_state, usual={SIMULATOR: ("float64",)})
+    usual = {CPU: ("float32",), SIMULATOR: PRECISIONS}
+    yield Row("surfaces", three, {CPU: 2, SIMULATOR: 1, GPU: 30}, begin, without=smooth_ones, usual=usual)
+    yield Row("smooth surfaces", smooth_ones, {SIMULATOR: 1}, begin, usual={SIMULATOR: ("float64",)})
     of = beside_scenes
     for name, make, precision in (("on a cloth", of.on_cloth, "float32"), ("tied", of.tied, "float64")):
         usual = {CPU: (precision,) if name == "tied" else (), SIMULATOR: (precision,)}
@@ -245,7 +249,9 @@ def bodies() -> Iterator[Row]:
     for name in ("held", "dihedral", "distances", "rigid", "pbd"):
         usual = {CPU: ("float64",), SIMULATOR: ("float32",)} if name == "held" else {}
         usual |= {SIMULATOR: ("float64",)} if name == "distances" else {}
-        yield Row(f"mesh {name}", partial(mesh_scene, name), {CPU: 4, SIMULATOR: 2, GPU: 40}, poke=MESH_POKE, usual=usual)
+        yield Row(
+            f"mesh {name}", partial(mesh_scene, name), {CPU: 4, SIMULATOR: 2, GPU: 40}, poke=MESH_POKE, usual=usual
+        )
 
 
 def wide_grid(region: int, substeps: int, iterations: int) -> Scene:
@@ -302,7 +308,7 @@ def bouncing() -> Iterator[Row]:
     yield Row("meeting", meeting, {CPU: 8, GPU: 60}, poke=bodies_scenes.POKE, usual=both)
     yield Row("meeting once", partial(meeting, 2, 1), {SIMULATOR: 2}, usual={})
     yield Row("many meet", partial(meeting, 1, 1, copies=3, sweeps=1), {GPU: 60})
-    yield Row("crowded", partial(meeting, 2, 1, copies=5), {CPU: 4})
+    yield Row("crowded", partial(meeting, 2, 1, copies=5), {CPU: 2}, usual={CPU: ("float32",)})
     yield Row("smooth", partial(smooth, 1, 2), {SIMULATOR: 2, GPU: 60}, usual={})
     yield Row("bounces", partial(meeting, restitution=0.6), {CPU: 8, GPU: 40}, poke=bodies_scenes.POKE, usual=both)
     yield Row("bounces once", partial(meeting, 2, 1, restitution=0.7), {SIMULATOR: 4}, usual=few)
@@ -310,7 +316,14 @@ def bouncing() -> Iterator[Row]:
     yield Row("bounces damped", lambda: damped, {SIMULATOR: 4}, kernels=("launch",), usual={})
     alike = smooth(2, 1).replace({"contact.restitution": 1.0})
     yield Row("bounces alike", lambda: alike, {SIMULATOR: 3}, kernels=("launch",), usual={})
-    rebound = {"restitution": 0.8, "angle": 40.0, "height": 0.4, "speed": 4.0, "static_friction": 0.3, "dynamic_friction": 0.2}
+    rebound = {
+        "restitution": 0.8,
+        "angle": 40.0,
+        "height": 0.4,
+        "speed": 4.0,
+        "static_friction": 0.3,
+        "dynamic_friction": 0.2,
+    }
     yield Row("rebound", partial(dropped, **rebound), {CPU: 20, SIMULATOR: 6, GPU: 40}, usual={CPU: ("float32",)} | few)
     yield Row("rebound among soft ones", among_soft_ones, {SIMULATOR: 4, GPU: 40}, usual={})
 

@@ -116,7 +116,12 @@ def clusters() -> Iterator[Row]:
 
 def contacts_of_particles() -> Iterator[Row]:
     of = "contact.particles_"
-    find = {"hash_particles": "RRII", "fill_buckets": "IIII", "arrange": "RIIIIRII", "find_neighbours": "RRIIRIIIIiRIIL"}
+    find = {
+        "hash_particles": "RRII",
+        "fill_buckets": "IIII",
+        "arrange": "RIIIIRII",
+        "find_neighbours": "RRIIRIIIIiRIIL",
+    }
     for own, many in product((True, False), repeat=2):
         yield Row(
             f"{of}find:make_find", find, (own, many), takes="precision", rare=own != many,
@@ -160,17 +165,23 @@ def colliders() -> Iterator[Row]:
         (bare | {"distance_field"} | settling, 0, True),
     ):
         counts = {"collide": {place: bounces}} if bounces or parts == BODIES else {}
-        yield Row("position_based.stages:make_xpbd_stages", {"collide": "RRRPRUl"}, (parts, 3), counts=counts, rare=rare)
+        yield Row(
+            "position_based.stages:make_xpbd_stages", {"collide": "RRRPRUl"}, (parts, 3), counts=counts, rare=rare
+        )
 
 
 def contacts_of_surfaces() -> Iterator[Row]:
     find = {"clear": "IIR", "hash_cells": "RRKRLIIRii", "fill_buckets": "III", "find_contacts": "RRKRLIIIRIIRRIILii"}
     local = some(".local")  # a search keeps its nearest ones in order there
-    yield Row("contact.self_find:make_find", find, atomics=some("hash_cells", "fill_buckets", "find_contacts"), allowed=local)
+    yield Row(
+        "contact.self_find:make_find", find, atomics=some("hash_cells", "fill_buckets", "find_contacts"), allowed=local
+    )
     links = {"fill_links": "IIII", "sort_links": "III", "load_up": "IRIIIRR"}
     moves = {"deepen": "RRIIRRIIIR", "push": "RRIIRRRRKR", "gather": "RIRIIIRRR"}
     for friction in (True, False):
-        yield Row("contact.self_project:make_project", links | moves, (friction,), atomics=some("fill_links"), rare=friction)
+        yield Row(
+            "contact.self_project:make_project", links | moves, (friction,), atomics=some("fill_links"), rare=friction
+        )
     yield Row("core.scan:make_scan", {"chunks": "III", "totals": "I", "add": "III"}, takes="")
     find = {"take": "RIR", "clear": "II", "find_contacts": "RRRIIIIIIIISRIIRRIIL"}
     yield Row("contact.surfaces_find:make_find", find, atomics=some("find_contacts"), allowed=local)
@@ -212,7 +223,13 @@ def cloths() -> Iterator[Row]:
         lean=False,
     )  # fmt: skip
     yield Row(f"{of}kernels:make_cloth_rk4_stages", {"*": "RRRR" + step}, (CLOTH,), rare=True)
-    shared = {"ld.shared.v4.f32": SOME, "st.shared.v4.f32": SOME, "bar.sync": SOME, "ld.shared.f32": 0, "st.shared.f32": 0}
+    shared = {
+        "ld.shared.v4.f32": SOME,
+        "st.shared.v4.f32": SOME,
+        "bar.sync": SOME,
+        "ld.shared.f32": 0,
+        "st.shared.f32": 0,
+    }
     shared["ld.global.v4.f32"] = 2  # a mass's own position and velocity, once
     for integrator, parts in product(("lab", "velocity-verlet"), (PLAIN, CLOTH)):
         yield Row(
@@ -278,9 +295,19 @@ def sheets() -> Iterator[Row]:
     yield Row(f"{of}kernels:make_plane_tools", {"write_position": "RW"}, takes="precision")
     stages = {"wind": "RRPUlRii", "predict": "RRRRPii", "update_velocity": "RRRP", "collide": "RRRPRUl"}
     yield Row(f"{of}stages:make_xpbd_stages", stages, (SHEET | {"jacobi"}, 3))
-    registers = {"rsqrt.approx.ftz.f32": SOME, "sqrt.rn": 0, "st.shared.v4.f32": SOME, "ld.shared.f32": 0, "st.shared.f32": 0}
+    registers = {
+        "rsqrt.approx.ftz.f32": SOME,
+        "sqrt.rn": 0,
+        "st.shared.v4.f32": SOME,
+        "ld.shared.f32": 0,
+        "st.shared.f32": 0,
+    }
     for ordering, barriers, loads in (
-        ("gauss-seidel", 12 + 2, 2 * 12 + 2),  # a colour each, and around the substep; both ends, and the thread's masses
+        (
+            "gauss-seidel",
+            12 + 2,
+            2 * 12 + 2,
+        ),  # a colour each, and around the substep; both ends, and the thread's masses
         ("jacobi", 1 + 2, 13 * 2 + 2),
     ):
         yield Row(
@@ -303,7 +330,9 @@ def meshes() -> Iterator[Row]:
         ("bending", soft | {"bending-dihedral"}, {}),
         ("attachments", soft | {"attachments-2"}, {}),
     ):
-        yield Row(one, {"": "RRIRRiiiiP"}, (projection_of(kind, parts | {kind}),), counts={"": counts} if counts else {})
+        yield Row(
+            one, {"": "RRIRRiiiiP"}, (projection_of(kind, parts | {kind}),), counts={"": counts} if counts else {}
+        )
     begin = {"": "RRRIIIPULlll"}
     parts = some("wind", "gust", "external", "gravity", "poke", "damping", "pins", "load", "gauss-seidel")
     yield Row("position_based.mesh_kernels:make_mesh_begin", begin, (parts,))
@@ -365,8 +394,8 @@ def by_vertices_and_newton() -> Iterator[Row]:
 TIME = "RULlll"  # bodies, integers, counter, place, substeps, substep
 WATER = some("gravity", "plane", "walls")
 ALL = WATER | COLLIDERS | {
-    "fluids", "repeats", "averaged", "tensile", "restitution", "drag", "held-back", "viscosity", "cohesion", "surface-tension",
-    "vorticity", "poke", "external",
+    "fluids", "repeats", "averaged", "tensile", "restitution", "drag", "held-back", "viscosity", "cohesion",
+    "surface-tension", "vorticity", "poke", "external",
 }  # fmt: skip
 COMING = WATER | {
     "fluids", "capsule", "box", "swept", "mesh_collider", "distance_field", "emitter", "sink", "viscosity",
@@ -436,7 +465,12 @@ PASS, TILES, RESIDENT = "CCCCGULlBBii", "CCCCGULllBiiii", "CCCCCCIiIGULlBii"
 def grids() -> Iterator[Row]:
     of, local = "mass_spring.grid.", some(".local")
     for integrator in ("lab", "velocity-verlet", "semi-implicit-euler", "explicit-euler", "taylor"):
-        yield Row(f"{of}kernels:make_passes", {"*": PASS}, (integrator, GRID), rare=integrator not in ("lab", "velocity-verlet"))
+        yield Row(
+            f"{of}kernels:make_passes",
+            {"*": PASS},
+            (integrator, GRID),
+            rare=integrator not in ("lab", "velocity-verlet"),
+        )
     yield Row(f"{of}kernels:make_rk4_stages", {"*": "CCCC" + PASS}, (GRID,))
     full = {"rsqrt.approx": SOME, "sqrt.rn": 0, GENERATOR: SOME, "sub.rn": SOME}  # p' - p, once an axis
     yield Row(f"{of}kernels:make_passes", {"step": PASS}, ("lab", GRID), counts={"step": full}, lean=False)
@@ -452,7 +486,11 @@ def grids() -> Iterator[Row]:
     )  # fmt: skip
     pairs = {"ld.shared.v2.f32": SOME, "st.shared.v2.f32": SOME, "bar.sync": SOME, "ld.shared.f32": 0}
     lab = GRID - {"external"}
-    for name, tile, strip in (("one-block", "32x32x1h0", "32x4x8h0"), ("tiles", "64x8x8h4", "32x4x8h4"), ("resident", "64x8x8h4", "32x4x8h4")):
+    for name, tile, strip in (
+        ("one-block", "32x32x1h0", "32x4x8h0"),
+        ("tiles", "64x8x8h4", "32x4x8h4"),
+        ("resident", "64x8x8h4", "32x4x8h4"),
+    ):
         for integrator in ("lab", "velocity-verlet"):  # with a random force a strip of 8 is not unrolled
             yield tile_row(name, integrator, tile, GRID, True, allowed=local, rare=integrator == "lab")
             yield tile_row(name, integrator, tile, lab, True, counts={"": pairs})
@@ -463,7 +501,9 @@ def grids() -> Iterator[Row]:
     yield tile_row("tiles", "lab", "32x4x4h4", GRID, False, double_counts={"": roots}, lean=False)
     for word, name in (("f32", "counts"), ("f64", "double_counts")):  # borders pass by the first-level cache
         words = "st.release.gpu.global.s32", "ld.acquire.gpu.global.s32", f"ld.relaxed.gpu.global.v2.{word}"
-        yield tile_row("resident", "lab", "32x8x4h4", GRID, True, **{name: {"": dict.fromkeys(words, SOME)}}, lean=False)
+        yield tile_row(
+            "resident", "lab", "32x8x4h4", GRID, True, **{name: {"": dict.fromkeys(words, SOME)}}, lean=False
+        )
 
 
 def tile_row(name: str, integrator: str, tile: str, parts: frozenset[str], is_cut: bool, **more: Any) -> Row:
@@ -476,5 +516,16 @@ def tile_row(name: str, integrator: str, tile: str, parts: frozenset[str], is_cu
 
 def rows() -> tuple[Row, ...]:
     """The whole table."""
-    tables = clusters, contacts_of_particles, colliders, contacts_of_surfaces, cloths, sheets, meshes, tetrahedra, fluids, grids
+    tables = (
+        clusters,
+        contacts_of_particles,
+        colliders,
+        contacts_of_surfaces,
+        cloths,
+        sheets,
+        meshes,
+        tetrahedra,
+        fluids,
+        grids,
+    )
     return tuple(row for table in tables for row in table())

@@ -16,7 +16,7 @@ def test_threads_kernels_and_restarts_give_the_same_bits(row: Row, precision: st
     kernels = (None,) if row.whole else ("stages", "fused")
     last = row.steps[CPU] - 1
     wanted, done = row.ended(CPU, precision=precision, kernel=kernels[0], threads=1)
-    for kernel, threads in [(kernel, count) for kernel in kernels for count in (2, 3)]:
+    for kernel, threads in zip(kernels, (2, 3), strict=False):
         state, found = row.ended(CPU, precision=precision, kernel=kernel, threads=threads, parts=(last, 1))
         assert not different(state, wanted) and found == done, (kernel, threads)
     half, _ = row.ended(CPU, precision=precision, kernel=kernels[-1], threads=1, parts=(last,))

@@ -38,13 +38,6 @@ def test_states_are_the_references(name: str) -> None:
     assert np.abs(through.position - state.position).max() > 1e-3
 
 
-def test_threads_give_the_same_bits() -> None:
-    scene = world_scene("all")
-    one, other = run(scene), run(scene, threads=2)
-    assert one.position.tobytes() == other.position.tobytes()
-    assert one.velocity.tobytes() == other.velocity.tobytes()
-
-
 @pytest.mark.parametrize("name,precision", [("all", "float64"), ("all", "float32"), (BY_VERTICES, "float64")])
 def test_members_that_nothing_couples_move_as_each_alone(name: str, precision: str) -> None:
     """To the bit, whichever kernel steps a member that is alone."""
@@ -56,15 +49,6 @@ def test_members_that_nothing_couples_move_as_each_alone(name: str, precision: s
         alone = run(scene.members[name], begin=part, precision=precision)
         assert alone.position.tobytes() == state.position[place].tobytes(), name
         assert alone.velocity.tobytes() == state.velocity[place].tobytes(), name
-
-
-def test_a_state_continues_bit_for_bit() -> None:
-    """Rotations of clusters, too."""
-    scene = world_scene("all")
-    whole = run(scene, 4)
-    half = run(scene, 2)
-    assert run(scene, 2, begin=half).position.tobytes() == whole.position.tobytes()
-    assert half.rotation is not None and half.step == 2
 
 
 def test_momentum_is_kept() -> None:
