@@ -127,11 +127,11 @@ def tetrahedra() -> Iterator[Row]:
     for solver in SOLVERS:
         kernels, damper = (ONE, {"bar": BAR | {"damping": 0.02}}) if solver == "newton" else (LAUNCHED, {})
         driven = damper | {"slow": SLOW, **ENDS}
-        steps, simulated = {CPU: 3, SIMULATOR: 2, GPU: 20}, ("float32",) if solver != "newton" else ()
-        usual = {CPU: ("float32",), SIMULATOR: simulated}
+        steps = {CPU: 3, SIMULATOR: 2, GPU: 20}
+        usual = {CPU: ("float32",) if solver == "xpbd" else ()}
         yield Row(f"{solver} driven", partial(kinematic_scene, solver, **driven), steps, kernels=kernels, usual=usual)
         held = {"bar": LOOSE, "cube": CUBE, "hook": HOOK | {"compliance": 1e-4 * (solver == "newton")}, "clamp": CLAMP}
-        scene, usual = partial(kinematic_scene, solver, **held), {CPU: ("float64",)}
+        scene, usual = partial(kinematic_scene, solver, **held), {CPU: ("float64",) if solver == "xpbd" else ()}
         yield Row(f"{solver} attached", scene, steps, kernels=kernels, usual=usual)
     slow = LOOSE | {"origin": [0.0, 0.5, 0.0]}
     tables = {"gravity": {"acceleration": 2.0}, "method": SLEEPING, "slow": slow}
@@ -147,7 +147,7 @@ def by_vertices() -> Iterator[Row]:
     yield Row("vbd alone", partial(of.vbd_scene, of.BODY, iterations=1), steps, of.moving, usual=alone)
     fast = of.METHOD | {"substeps": 2, "iterations": 3, "chebyshev": 0.8}
     yield Row(
-        "vbd meeting", lambda: Scene(NEAR | {"method": fast}), steps, of.moving, usual=usual,
+        "vbd meeting", lambda: Scene(NEAR | {"method": fast}), steps, of.moving, usual={SIMULATOR: ("float32",)},
         without=lambda: Scene(NEAR | {"method": fast | {"chebyshev": 0.0}}),
     )  # fmt: skip
     resting = {CPU: 4, GPU: 20}
@@ -158,20 +158,17 @@ def by_vertices() -> Iterator[Row]:
 
 def newton() -> Iterator[Row]:
     of, steps = newton_scenes, {CPU: 2, SIMULATOR: 2, GPU: 20}
-    simulated = {"fixed-corotated": "float64", "corotated": "float32", "neo-hookean": "float64", "damped": "float32"}
+    simulated = "fixed-corotated", "corotated", "neo-hookean", "damped"
     for name in (*simulated, "no Poisson", "everything"):
-        usual = {SIMULATOR: (simulated[name],)} if name in ("fixed-corotated", "damped") else {}
         where = steps if name in simulated else {GPU: 20}
-        yield Row(f"newton {name}", partial(of.newton_scene, name), where, of.shaken, kernels=ONE, usual=usual)
+        yield Row(f"newton {name}", partial(of.newton_scene, name), where, of.shaken, kernels=ONE)
     for name, scene in (("damped", partial(of.newton_scene, "damped")), ("bar", partial(of.bar, 4))):
-        second = Row(
+        yield Row(
             f"newton second order {name}", lambda scene=scene: scene().replace({"method.order": 2}),
             {CPU: 2, SIMULATOR: 2, GPU: 5} if name == "damped" else {GPU: 5}, of.shaken, kernels=ONE,
-            usual=dict.fromkeys((CPU, SIMULATOR), ("float32",)),
+            usual={SIMULATOR: ("float32",)},
         )  # fmt: skip
-        yield second
-    groups = {SIMULATOR: ("float64",)}
-    yield Row("newton groups", of.groups_and_bodies, {SIMULATOR: 1, GPU: 20}, of.shaken, kernels=ONE, usual=groups)
+    yield Row("newton groups", of.groups_and_bodies, {SIMULATOR: 1, GPU: 20}, of.shaken, kernels=ONE)
     long = {CPU: ("float64",)}
     yield Row("newton long", partial(of.bar, 2, damping=0.01), {CPU: 2, GPU: 20}, of.shaken, kernels=ONE, usual=long)
     for across, count in ((4, 5), (8, 2)):
@@ -197,11 +194,11 @@ def surfaces() -> Iterator[Row]:
 
 def worlds() -> Iterator[Row]:
     of = world_scenes
-    simulated = {"all": ("float32",), "jelly on a cloth": ("float64",), of.BY_VERTICES: PRECISIONS}
+    simulated = {"jelly on a cloth": ("float64",), of.BY_VERTICES: ("float32",)}
     for name in of.PARTS:
         yield Row(
             f"world {name}", partial(of.world_scene, name), {CPU: 3, SIMULATOR: 1, GPU: 20}, of.moving,
-            usual={CPU: ("float64",) if name == "all" else (), SIMULATOR: simulated.get(name, ())},
+            usual={SIMULATOR: simulated.get(name, ())},
             without=partial(of.world_scene, name, contact=None),
         )  # fmt: skip
     for name in wet_scenes.PARTS:
@@ -240,9 +237,8 @@ def bodies() -> Iterator[Row]:
         *((2, 2, count, {CPU: 7}) for count in (1, 2, 3, 4)), (1, 1, 1, {SIMULATOR: 7}), (2, 1, 2, {SIMULATOR: 7}),
         (1, 2, 3, {SIMULATOR: 7}),
     ):  # fmt: skip
-        name, usual = f"matching {region} {substeps} {iterations}", {SIMULATOR: ("float64",), CPU: ("float32",)}
         scene = partial(matched_grid, region, substeps, iterations)
-        yield Row(name, scene, where, poke=GRID_POKE, usual=usual if iterations < 3 else {})
+        yield Row(f"matching {region} {substeps} {iterations}", scene, where, poke=GRID_POKE)
     for region, substeps, iterations in ((1, 1, 1), (1, 2, 3), (3, 2, 2)):
         scene = partial(wide_grid, region, substeps, iterations)
         yield Row(f"matching wide {region} {substeps} {iterations}", scene, {GPU: 100}, poke=GRID_POKE)

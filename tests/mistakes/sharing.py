@@ -5,7 +5,6 @@ from __future__ import annotations
 from .mistake import Mistake, in_file
 
 WORLD = "test_world_cpu.py::test_states_are_the_references"
-SIMULATED_WORLD = "simulator/test_simulated_world.py::test_bits_are_the_cpus[jelly"
 FLUID = "test_shared_fluid.py::test_a_fluid_has_the_bits_of_one[float64]"
 FLUID_IN_USE = "test_shared_fluid.py::test_what_is_done_to_a_fluid_reaches_its_shares"
 BAR = "test_partitions.py::test_a_bar_has_the_bits_of_one[3]"
@@ -25,7 +24,7 @@ WORLDS: tuple[Mistake, ...] = (
     ),
     *in_file(
         "gpu_backend/world/joined.py",
-        "simulator/test_simulated_world.py::test_bits_are_the_cpus",
+        "simulator/test_simulated_bits.py::test_kernels_have_the_bits_of_the_cpu[world-jelly-on-a-block-by-vertices-float32]",
         {
             "a member is read from the buffer of the step before (gpu)": ("self._transfers.take[launch](member.position[member._current], indices", "self._transfers.take[launch](member.position[1 - member._current], indices"),
             "a member's inertia does not go with what pushed it (gpu)": ("self._transfers.carry[launch](*there, member.inertial)", "self._transfers.give[launch](*there)"),
@@ -33,7 +32,7 @@ WORLDS: tuple[Mistake, ...] = (
     ),
     *in_file(
         "gpu_backend/world/solver.py",
-        "simulator/test_simulated_world.py::test_bits_are_the_cpus",
+        "simulator/test_simulated_bits.py::test_kernels_have_the_bits_of_the_cpu[world-jelly-on-a-block-by-vertices-float32]",
         {"contacts between members are projected in the last iteration alone (gpu)": ("member.iterate(iteration)\n            self._project()", "member.iterate(iteration)\n        self._project()")},
     ),
     *in_file(

@@ -5,9 +5,8 @@ from __future__ import annotations
 from .mistake import Mistake, in_file
 
 STATES = "test_tetrahedra_cpu.py::test_states_are_the_references[damped]"
-SIMULATED = "simulator/test_simulated_tetrahedra.py::test_bits_are_the_cpus[damped-float64]"
-SIMULATED_VBD = "simulator/test_simulated_vbd.py::test_bits_are_the_cpus[everything-float32]"
-SIMULATED_NEWTON = "simulator/test_simulated_newton.py::test_bits_are_the_cpus[damped-float32]"
+SIMULATED_VBD = "simulator/test_simulated_bits.py::test_kernels_have_the_bits_of_the_cpu[vbd-everything-float32]"
+SIMULATED_NEWTON = "simulator/test_simulated_bits.py::test_kernels_have_the_bits_of_the_cpu[newton-damped-float32]"
 RESIDENT = "simulator/test_simulated_tetrahedra_resident.py::test_slabs_do_what_the_cpu_does[2]"
 ORDER_2 = "test_newton_order.py::test_steps_are_the_judges"
 
@@ -39,7 +38,7 @@ XPBD: tuple[Mistake, ...] = (
     ),
     *in_file(
         "gpu_backend/core/constraints.py",
-        "simulator/test_simulated_tetrahedra.py::test_bits_are_the_cpus[voxels-float32]",
+        "simulator/test_simulated_bits.py::test_kernels_have_the_bits_of_the_cpu[xpbd-voxels-float32]",
         {"a run's corners are read at the place of its first constraint (gpu)": ("np.int32(start // run + thread), place, count)", "np.int32(start + thread), place, count)")},
     ),
     *in_file(
@@ -94,7 +93,7 @@ DESCENT: tuple[Mistake, ...] = (
     ),
     *in_file(
         "gpu_backend/tetrahedra/descent_kernels.py",
-        "simulator/test_simulated_vbd.py::test_bits_are_the_cpus[meeting-float32]",
+        "simulator/test_simulated_bits.py::test_kernels_have_the_bits_of_the_cpu[vbd-meeting-float32]",
         {"acceleration goes on from the last sweep, not the one before it (gpu)": ("older = load_quad(iterates, count + k)", "older = load_quad(iterates, k)")},
     ),
     *in_file(
@@ -166,7 +165,7 @@ HOLDING: tuple[Mistake, ...] = (
     ),
     *in_file(
         "gpu_backend/tetrahedra/springs.py",
-        "simulator/test_simulated_newton.py::test_bits_of_attachments",
+        "simulator/test_simulated_bits.py::test_kernels_have_the_bits_of_the_cpu[newton-attached-float32]",
         {"the fifth corner of a spring is its first (gpu)": ("pull(points, numbers, (entry >> one) & seven)", "pull(points, numbers, (entry >> one) & np.int32(3))")},
     ),
     *in_file(

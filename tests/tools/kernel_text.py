@@ -39,17 +39,12 @@ def record_of(real: Any, family: str) -> Any:
 
 
 @cache
-def ptx_of(function: Callable, arguments: tuple, math: str) -> str:
-    """The PTX of a kernel's function for arguments of numba's types `arguments`: made once for all tests of a process."""
+def entry_of(function: Callable, arguments: tuple, math: str) -> str:
+    """The PTX of a kernel's function for arguments of numba's types `arguments`, from its entry on: made once for all tests
+    of a process."""
     from numba import cuda
 
-    text, _ = cuda.compile_ptx(function, arguments, cc=(9, 0), fastmath=math == "fast")
-    return str(text)
-
-
-def entry_of(function: Callable, arguments: tuple, math: str) -> str:
-    """`ptx_of` from the kernel's entry on."""
-    text = ptx_of(function, arguments, math)
+    text = str(cuda.compile_ptx(function, arguments, cc=(9, 0), fastmath=math == "fast")[0])
     return text[text.index(".entry") :]
 
 
