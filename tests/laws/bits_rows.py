@@ -118,7 +118,7 @@ NEAR: dict[str, Any] = {
 def tetrahedra() -> Iterator[Row]:
     of = tetrahedra_scenes
     for name in of.PARTS:
-        usual = {CPU: PRECISIONS if name == "everything" else (), SIMULATOR: SIMULATED.get(name, ())}
+        usual = {CPU: ("float64",) if name == "everything" else (), SIMULATOR: SIMULATED.get(name, ())}
         more = ("graph",) if name in of.LAUNCHED else ("graph", "resident")
         yield Row(
             f"xpbd {name}", partial(of.tetrahedra_scene, name), {CPU: 2, SIMULATOR: 1, GPU: 20}, of.moving, more=more,
@@ -210,19 +210,17 @@ def worlds() -> Iterator[Row]:
 
 def bodies() -> Iterator[Row]:
     of = bodies_scenes
-    both = {CPU: PRECISIONS, SIMULATOR: ("float32",)}
-    steps = {CPU: 5, SIMULATOR: 5, GPU: 41}
-    yield Row("bodies", of.everything, steps, poke=of.POKE, usual=both)
+    few = {SIMULATOR: ("float32",)}
+    yield Row("bodies", of.everything, {SIMULATOR: 5, GPU: 41}, poke=of.POKE, usual=few)
     yield Row("three substeps of bodies", partial(of.everything, 3, 2), {GPU: 41}, poke=of.POKE)
-    yield Row("linked", of.hung, {CPU: 5, GPU: 41}, poke=of.POKE, usual={CPU: PRECISIONS})
-    yield Row("linked once", partial(of.hung, 1, 2), {SIMULATOR: 2}, poke=of.POKE, usual={SIMULATOR: ("float32",)})
-    steps = {CPU: 5, SIMULATOR: 3, GPU: 41}
-    yield Row("of all materials", of.of_all_materials, steps, poke=of.POKE, usual=both)
+    yield Row("linked", of.hung, {GPU: 41}, poke=of.POKE)
+    yield Row("linked once", partial(of.hung, 1, 2), {SIMULATOR: 2}, poke=of.POKE, usual=few)
+    yield Row("of all materials", of.of_all_materials, {SIMULATOR: 3, GPU: 41}, poke=of.POKE, usual=few)
     plastic = ("plastic_threshold", "plastic_creep", "plastic_limit")
     for left_out in (("cluster_damping",), ("linear", "cluster_damping"), ("linear",), plastic):
         scene = partial(of.of_all_materials, left_out)
         yield Row(f"without {' '.join(left_out)}", scene, {SIMULATOR: 3, GPU: 41}, poke=of.POKE, kernels=("launch",))
-    yield Row("lattices", of.blocks, {CPU: 5, GPU: 21}, poke=of.POKE, usual={CPU: PRECISIONS})
+    yield Row("lattices", of.blocks, {GPU: 21}, poke=of.POKE)
     for substeps, counts, region, where in (
         (1, (4, 3, 3), 1, {SIMULATOR: 2}),
         (1, (3, 4, 1), 2, {SIMULATOR: 2}),
@@ -285,43 +283,36 @@ def touching() -> Iterator[Row]:
         yield Row(
             f"off a {name}", lambda: off_all, {SIMULATOR: 5} | ({GPU: 40} if name == "plane" else {}),
             without=lambda name=name: off_all.replace({f"{name}.restitution": 0.0}),
-            usual={SIMULATOR: ("float32",)} if name == "plane" else {},
         )  # fmt: skip
     coming = {"origin": [0.05, 0.2, 0.03], "velocity": [0.5, -2.0, 0.0]}
     for name, kinds in COUPLES.items():
         one, other = (BEAM | {"kind": kind} for kind in kinds)
         scene = of.bodies_scene(one=one, other=other | coming, contact={}, method=of.method(2, 2))
         yield Row(
-            f"couples {name}", lambda scene=scene: scene, {CPU: 2, SIMULATOR: 2, GPU: 40},
+            f"couples {name}", lambda scene=scene: scene, {SIMULATOR: 2, GPU: 40},
             without=lambda scene=scene: scene.replace({"contact.static_friction": 1e-30, "contact.dynamic_friction": 0.0}),
-            usual=dict.fromkeys((CPU, SIMULATOR), PRECISIONS if name == "both" else ("float32",)),
+            usual={SIMULATOR: PRECISIONS if name == "both" else ("float32",)},
         )  # fmt: skip
     yield from bouncing()
 
 
 def bouncing() -> Iterator[Row]:
-    both, few = {CPU: PRECISIONS}, {SIMULATOR: ("float32",)}
-    yield Row("meeting", meeting, {CPU: 8, GPU: 60}, poke=bodies_scenes.POKE, usual=both)
-    yield Row("meeting once", partial(meeting, 2, 1), {SIMULATOR: 2}, usual={})
+    few = {SIMULATOR: ("float32",)}
+    yield Row("meeting", meeting, {GPU: 60}, poke=bodies_scenes.POKE)
+    yield Row("meeting once", partial(meeting, 2, 1), {SIMULATOR: 2}, usual={SIMULATOR: ("float64",)})
     yield Row("many meet", partial(meeting, 1, 1, copies=3, sweeps=1), {GPU: 60})
     yield Row("crowded", partial(meeting, 2, 1, copies=5), {CPU: 2}, usual={CPU: ("float32",)})
-    yield Row("smooth", partial(smooth, 1, 2), {SIMULATOR: 2, GPU: 60}, usual={})
-    yield Row("bounces", partial(meeting, restitution=0.6), {CPU: 8, GPU: 40}, poke=bodies_scenes.POKE, usual=both)
+    yield Row("smooth", partial(smooth, 1, 2), {SIMULATOR: 2, GPU: 60})
+    yield Row("bounces", partial(meeting, restitution=0.6), {GPU: 40}, poke=bodies_scenes.POKE)
     yield Row("bounces once", partial(meeting, 2, 1, restitution=0.7), {SIMULATOR: 4}, usual=few)
     damped = meeting(1, 1, restitution=0.7).replace({"soft.cluster_damping": 4.0})
-    yield Row("bounces damped", lambda: damped, {SIMULATOR: 4}, kernels=("launch",), usual={})
+    yield Row("bounces damped", lambda: damped, {SIMULATOR: 4}, kernels=("launch",))
     alike = smooth(2, 1).replace({"contact.restitution": 1.0})
-    yield Row("bounces alike", lambda: alike, {SIMULATOR: 3}, kernels=("launch",), usual={})
-    rebound = {
-        "restitution": 0.8,
-        "angle": 40.0,
-        "height": 0.4,
-        "speed": 4.0,
-        "static_friction": 0.3,
-        "dynamic_friction": 0.2,
-    }
-    yield Row("rebound", partial(dropped, **rebound), {CPU: 20, SIMULATOR: 6, GPU: 40}, usual={CPU: ("float32",)} | few)
-    yield Row("rebound among soft ones", among_soft_ones, {SIMULATOR: 4, GPU: 40}, usual={})
+    yield Row("bounces alike", lambda: alike, {SIMULATOR: 3}, kernels=("launch",))
+    floor = {"restitution": 0.8, "static_friction": 0.3, "dynamic_friction": 0.2}
+    rebound = partial(dropped, angle=40.0, height=0.4, speed=4.0, **floor)
+    yield Row("rebound", rebound, {SIMULATOR: 6, GPU: 40}, usual=few)
+    yield Row("rebound among soft ones", among_soft_ones, {SIMULATOR: 4, GPU: 40})
 
 
 FAMILIES = tetrahedra, by_vertices, newton, surfaces, worlds, bodies, touching

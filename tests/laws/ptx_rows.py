@@ -239,14 +239,15 @@ def cloths() -> Iterator[Row]:
     yield from cloths_by_stages()
     yield from cloths_in_tiles()
     implicit = {"": "RRRRRRRRRRRRILPMRULlii"}
-    yield Row(f"{of}implicit:make_cloth_implicit", implicit, (False, KINDS | {"gravity", "pins"}))
-    yield Row(f"{of}implicit:make_cloth_implicit", implicit, (False, CLOTH), rare=True)
+    counted = some("")  # blocks that have come to a barrier
+    yield Row(f"{of}implicit:make_cloth_implicit", implicit, (False, KINDS | {"gravity", "pins"}), atomics=counted)
+    yield Row(f"{of}implicit:make_cloth_implicit", implicit, (False, CLOTH), atomics=counted, rare=True)
 
 
 def cloths_by_stages() -> Iterator[Row]:
     of, verlet = "mass_spring.cloth.stages:", ("velocity-verlet", CLOTH)
     tools = {"count": "Ll", "first_diverged": "RRrrrrI", "write_position": "RW", "write_normal": "RWii"}
-    yield Row("core.sheet:make_cloth_tools", tools, takes="precision")
+    yield Row("core.sheet:make_cloth_tools", tools, takes="precision", atomics=some("first_diverged"))
     forces = {"spring_forces": "RRPRii", "no_forces": "R", "wind": "RRPUlrRii", "damping": "RPR"}
     yield Row(f"{of}make_force_stages", forces, verlet)
     motion = {"integrate": "RRRP", "first_kick": "RRRP", "second_kick": "RRP", "accumulate": "iRRRPR"}
