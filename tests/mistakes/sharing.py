@@ -46,7 +46,7 @@ WORLDS: tuple[Mistake, ...] = (
     ),
     *in_file(
         "model/world/simulation.py",
-        "test_world_cpu.py",
+        "test_world_cpu.py::test_a_bad_particle_is_told_by_its_number_in_the_world test_world_cpu.py::test_a_poke_pushes_its_particle_and_the_member_that_it_is_of[tetrahedra] test_bits.py::test_threads_kernels_and_restarts_give_the_same_bits[world-jelly-on-a-block-float32]",
         {
             "a poke of a later member pushes another of its particles": ("poked = particle - place.start if", "poked = particle if"),
             "a diverged particle has its number in its member": ("return self.slices[name].start + bad", "return bad"),
@@ -135,7 +135,7 @@ DOMAINS: tuple[Mistake, ...] = (
     ),
     *in_file(
         "model/domains/windows.py",
-        "test_ranks.py",
+        "test_ranks.py::test_float64_and_the_kernel_by_stages",
         {"windows begin each run at step 0": ("window.step = first\n", "window.step = 0\n")},
     ),
     *in_file(
@@ -163,4 +163,28 @@ DOMAINS: tuple[Mistake, ...] = (
     ),
 )  # fmt: skip
 
-SHARING = (*WORLDS, *DOMAINS)
+FLUIDS: tuple[Mistake, ...] = (
+    *in_file(
+        "cpu_backend/fluid/flow.py",
+        "test_fluid_flow.py::test_against_the_judge_and_the_same_bits[flat tap]",
+        {
+            "a particle that a nozzle took stays among those that wait (cpu)": ("there[n] = 1\n", "there[n] = 0\n"),
+            "a sink takes the number of a place for that of a particle (cpu)": ("cell[k], there[number[k]] = np.int32(GONE), 0", "cell[k], there[k] = np.int32(GONE), 0"),
+        },
+    ),
+    *in_file(
+        "gpu_backend/fluid/flow_kernels.py",
+        "simulator/test_simulated_fluid.py::test_what_comes_and_goes_has_the_cpus_bits[flat tap-float32]",
+        {"particles that come are written over each other (gpu)": ("place = np.int32(alive + slot + item)", "place = np.int32(alive + slot)")},
+    ),
+    *in_file(
+        "gpu_backend/fluid/sort_kernels.py",
+        "simulator/test_simulated_fluid_cells.py",
+        {
+            "a cell's particles are in the order of falling numbers (gpu)": ("if filled[e] < particle:", "if filled[e] > particle:"),
+            "the grid of cells ends at the highest particle's lowest corner (gpu)": ("hx, hy, hz = max(hx, boxes[at + 3]), max(hy, boxes[at + 4]), max(hz, boxes[at + 5])", "hx, hy, hz = max(hx, boxes[at]), max(hy, boxes[at + 1]), max(hz, boxes[at + 2])"),
+        },
+    ),
+)  # fmt: skip
+
+SHARING = (*WORLDS, *DOMAINS, *FLUIDS)

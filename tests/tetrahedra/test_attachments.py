@@ -15,7 +15,7 @@ from softlab.model.base.errors import InputError, SceneError
 from softlab.model.contact.attachments import attachment_sets, contact_free
 from softlab.model.contact.surface_parameters import contact_surface
 from softlab.model.scene.scene import Scene
-from softlab.model.tetrahedra.springs import springs
+from softlab.model.tetrahedra.springs import springs, supported_particles
 
 DT = 0.01
 
@@ -118,6 +118,14 @@ def test_who_hangs_from_another_rests_where_both_are_held(solver: str) -> None:
     np.testing.assert_allclose(force[found.pinned_vertices].sum(axis=0)[1], -weight + 9.81 * float(
         found.masses[found.pinned_vertices].sum()), rtol=1e-3)  # fmt: skip
     assert np.abs(apart).max() < 2e-3 and np.abs(state.velocity).max() < 1e-3
+
+
+def test_who_hangs_from_a_body_with_pins_does_not_fall() -> None:
+    held, free = (
+        supported_particles(kinematic_scene("vbd", bar=bar, cube=CUBE, hook=HOOK).tetrahedra_set)
+        for bar in (BAR, LOOSE)
+    )
+    assert held.all() and not free.any()
 
 
 def test_a_vertex_is_drawn_to_a_point() -> None:

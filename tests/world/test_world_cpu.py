@@ -116,6 +116,16 @@ def test_a_poke_pushes_its_particle_and_the_member_that_it_is_of(member: str) ->
             np.testing.assert_allclose(given, force * scene.method.dt, atol=1e-12)
 
 
+def test_a_bad_particle_is_told_by_its_number_in_the_world() -> None:
+    scene = world_scene("jelly on a block")
+    bad = list(scene.world_set.slices().values())[1].start + 3
+    with open_simulation(scene, "cpu", threads=1) as simulation:
+        position, velocity = simulation._download()
+        position[bad] = np.nan
+        simulation._upload(position, velocity)
+        assert simulation._first_diverged() == bad
+
+
 def test_gravity_is_live_for_all_members() -> None:
     """Switched off, nothing falls; members fly on as each alone does."""
     scene = world_scene("jelly on a block", contact=None)
