@@ -37,7 +37,7 @@ from softlab.model.scene.scene import Scene
 
 FIELDS = ("position", "velocity", "rotation", "plastic", "inverse_mass")
 PRECISIONS = ("float32", "float64")
-LAUNCHED, ONE = ("launch", "stages"), (None,)
+LAUNCHED, ONE, BOTH = ("launch", "stages"), (None,), ("stages", "fused")
 CPU, SIMULATOR, GPU = "cpu", "simulator", "gpu"
 
 
@@ -46,8 +46,8 @@ class Row:
     """A scene, and where its bits are compared.
 
     `steps`: by the place, CPU, SIMULATOR or GPU; it is not run in others. `start`: its first state; `poke`: particle and
-    force [N]; `kernels`: of CUDA, `graph` and `more` on a GPU as well; `whole`: the solver has one kernel on each
-    backend; `without`: a scene whose end must differ, since it lacks what the row is for. `usual`: precisions by place
+    force [N]; `kernels`: of CUDA, `more` on a GPU as well; `on_cpu`: of the CPU, the same one if CUDA has one alone;
+    `without`: a scene whose end must differ, since it lacks what the row is for. `usual`: precisions by place
     that run by default, the others by `--rest`.
     """
 
@@ -58,12 +58,15 @@ class Row:
     poke: tuple[int, tuple[float, ...]] | None = None
     kernels: tuple[str | None, ...] = LAUNCHED
     more: tuple[str, ...] = ("graph",)
+    on_cpu: tuple[str | None, ...] = BOTH
     without: Callable[[], Scene] | None = None
     usual: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
-    @property
-    def whole(self) -> bool:
-        return self.kernels == ONE
+    def kernels_of(self, place: str) -> tuple[str | None, ...]:
+        """The kernels that are compared at a place."""
+        if self.kernels == ONE:
+            return ONE
+        return {CPU: self.on_cpu, SIMULATOR: self.kernels, GPU: (*self.more, *self.kernels)}[place]
 
     def ended(self, place: str, backend: str = "cpu", *, parts: tuple[int, ...] = (), scene: Scene | None = None,
               initial: State | None = None, **options: Any) -> tuple[State, Any]:  # fmt: skip
@@ -198,7 +201,7 @@ def worlds() -> Iterator[Row]:
     for name in of.PARTS:
         yield Row(
             f"world {name}", partial(of.world_scene, name), {CPU: 3, SIMULATOR: 1, GPU: 20}, of.moving,
-            usual={SIMULATOR: simulated.get(name, ())},
+            on_cpu=("stages",), usual={SIMULATOR: simulated.get(name, ())},
             without=partial(of.world_scene, name, contact=None),
         )  # fmt: skip
     for name in wet_scenes.PARTS:

@@ -13,8 +13,7 @@ from softlab.app.output.files import read_state, write_state
 
 @pytest.mark.parametrize("row, precision", cases(CPU))
 def test_threads_kernels_and_restarts_give_the_same_bits(row: Row, precision: str, tmp_path: Path) -> None:
-    kernels = (None,) if row.whole else ("stages", "fused")
-    last = row.steps[CPU] - 1
+    kernels, last = row.kernels_of(CPU), row.steps[CPU] - 1
     wanted, done = row.ended(CPU, precision=precision, kernel=kernels[0], threads=1)
     for kernel, threads in zip(kernels, (2, 3), strict=False):
         state, found = row.ended(CPU, precision=precision, kernel=kernel, threads=threads, parts=(last, 1))

@@ -46,11 +46,10 @@ WORLDS: tuple[Mistake, ...] = (
     ),
     *in_file(
         "model/world/simulation.py",
-        "test_world_cpu.py::test_a_bad_particle_is_told_by_its_number_in_the_world test_world_cpu.py::test_a_poke_pushes_its_particle_and_the_member_that_it_is_of[tetrahedra] test_bits.py::test_threads_kernels_and_restarts_give_the_same_bits[world-jelly-on-a-block-float32]",
+        "test_world_cpu.py::test_a_bad_particle_is_told_by_its_number_in_the_world test_world_cpu.py::test_a_poke_pushes_its_particle_and_the_member_that_it_is_of",
         {
             "a poke of a later member pushes another of its particles": ("poked = particle - place.start if", "poked = particle if"),
             "a diverged particle has its number in its member": ("return self.slices[name].start + bad", "return bad"),
-            "members continue with the first one's rotations alone": ("**of_member,\n", "\n"),
         },
     ),
     *in_file(
