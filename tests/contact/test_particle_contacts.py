@@ -94,12 +94,6 @@ def test_against_the_reference_and_the_same_bits_everywhere(precision: str, expo
         assert same(first, other), (kernel, threads)
 
 
-def test_many_bodies_have_the_same_bits_for_any_threads() -> None:
-    scene = meeting(2, 1, copies=5)
-    states = [end_state(scene, precision="float32", steps=20, threads=threads) for threads in (1, 2, 7)]
-    assert same(states[0], states[1]) and same(states[0], states[2])
-
-
 def test_no_number_is_told() -> None:
     scene, velocity = meeting(maximum_speed=1e306), np.zeros((29, 3))
     velocity[4, 1] = 1e150

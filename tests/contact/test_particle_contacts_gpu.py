@@ -7,42 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 from bodies_scenes import end_state, opened, same
-from meeting_bodies import meeting, neighbours, smooth
-from rebound_scenes import among_soft_ones, dropped
+from meeting_bodies import meeting, neighbours
 
 from softlab.model.contact.particle_parameters import MAX_NEIGHBOURS
 from softlab.model.core.simulation import State
 from softlab.model.scene.scene import Scene
 
 pytestmark = pytest.mark.gpu
-KERNELS = ("graph", "launch", "stages")
-
-
-@pytest.mark.parametrize("precision", ["float32", "float64"])
-@pytest.mark.parametrize(
-    "scene", [meeting(), meeting(1, 1, copies=3, sweeps=1), smooth()], ids=["few", "many", "smooth"]
-)
-def test_bits_are_the_cpus(scene: Scene, precision: str) -> None:
-    expected = end_state(scene, precision=precision, steps=60, threads=2)
-    for kernel in KERNELS:
-        assert same(end_state(scene, "gpu", precision=precision, kernel=kernel, steps=60), expected), kernel
-
-
-@pytest.mark.parametrize("precision", ["float32", "float64"])
-@pytest.mark.parametrize(
-    "scene",
-    [
-        meeting(restitution=0.6),
-        dropped(0.7, angle=40.0, height=0.4, speed=4.0, dynamic_friction=0.0),
-        among_soft_ones(),
-    ],
-    ids=["pairs", "rigid", "both"],
-)
-def test_what_bounces_has_the_cpus_bits(scene: Scene, precision: str) -> None:
-    """Particles off each other, and rigid bodies off a collider as a whole."""
-    expected = end_state(scene, precision=precision, steps=40, threads=2)
-    for kernel in KERNELS:
-        assert same(end_state(scene, "gpu", precision=precision, kernel=kernel, steps=40), expected), kernel
 
 
 def crowded() -> Scene:

@@ -7,7 +7,7 @@ from typing import Any
 import numba
 import numpy as np
 import pytest
-from surface_scenes import FLOOR, METHOD, SIDE, box, crumpled, crumpled_state, meeting, three
+from surface_scenes import FLOOR, METHOD, SIDE, box, crumpled, meeting, three
 
 from softlab.app.driver import open_simulation
 from softlab.bench.reference.contact import self_contacts as projected
@@ -17,7 +17,6 @@ from softlab.model.base.errors import SceneError
 from softlab.model.contact.self_contact_parameters import MAX_CONTACTS
 from softlab.model.contact.surface_parameters import contact_distance, contact_surface
 from softlab.model.core.build import build
-from softlab.model.core.simulation import State
 from softlab.model.formulas.contact import FACE
 from softlab.model.scene.scene import Scene
 
@@ -210,24 +209,6 @@ def test_a_body_meets_itself_where_it_says_so() -> None:
 
 
 # ---------------------------------------------------------------------- bits
-
-
-def end_state(scene: Scene, **options: Any) -> State:
-    with open_simulation(scene, "cpu", initial=crumpled_state(scene), math="exact", **options) as simulation:
-        simulation.advance(3)
-        assert simulation.contacts.contact_counts.any() and not simulation.contacts.neighbours_lost  # type: ignore[attr-defined]
-        return simulation.state()
-
-
-@pytest.mark.parametrize("precision", ["float32", "float64"])
-def test_threads_and_kernels_give_the_same_bits(precision: str) -> None:
-    scene = three()
-    expected = end_state(scene, precision=precision, threads=1)
-    for threads in (1, 2, 3):
-        for kernel in ("fused", "stages"):
-            state = end_state(scene, precision=precision, threads=threads, kernel=kernel)
-            assert np.array_equal(state.position, expected.position), (threads, kernel)
-            assert np.array_equal(state.velocity, expected.velocity), (threads, kernel)
 
 
 def test_bodies_that_are_far_apart_move_as_without_contacts() -> None:

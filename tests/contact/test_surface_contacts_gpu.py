@@ -2,36 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
-from surface_scenes import box, crumpled_state, meeting, three
+from surface_scenes import box, meeting
 
 from softlab.app.driver import open_simulation
 from softlab.model.contact.surface_parameters import contact_distance
-from softlab.model.core.simulation import State
-from softlab.model.scene.scene import Scene, load_scene
+from softlab.model.scene.scene import load_scene
 
 pytestmark = pytest.mark.gpu
-
-
-def end_state(scene: Scene, backend: str, steps: int, **options: Any) -> State:
-    with open_simulation(scene, backend, math="exact", **options) as simulation:
-        simulation.advance(steps // 3)
-        simulation.advance(steps - steps // 3)
-        return simulation.state()
-
-
-@pytest.mark.parametrize("precision", ["float32", "float64"])
-def test_bits_are_the_cpus(precision: str) -> None:
-    scene = three()
-    options: dict[str, Any] = {"precision": precision, "initial": crumpled_state(scene)}
-    expected = end_state(scene, "cpu", 30, threads=1, **options)
-    for kernel in ("graph", "launch", "stages"):
-        state = end_state(scene, "gpu", 30, kernel=kernel, **options)
-        assert np.array_equal(state.position, expected.position), kernel
-        assert np.array_equal(state.velocity, expected.velocity), kernel
 
 
 def test_a_heap_repeats_to_the_bit_and_loses_nothing() -> None:

@@ -4,42 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from newton_scenes import bar, end_state, groups_and_bodies, newton_scene, shaken
+from newton_scenes import bar, end_state, shaken
 from tetrahedra_scenes import through
 
 from softlab.app.driver import open_simulation
 from softlab.bench.experiments.tetrahedra import drop, let_go
 from softlab.bench.experiments.tetrahedral.cantilever import SECOND, cantilever, exact_drop
-from softlab.model.scene.scene import Scene, load_scene
+from softlab.model.scene.scene import load_scene
 
 pytestmark = pytest.mark.gpu
 SETTLED = 300  # frames until a braked bar stands still
-
-
-@pytest.mark.parametrize("precision", ["float32", "float64"])
-@pytest.mark.parametrize("name", ["fixed-corotated", "corotated", "neo-hookean", "no Poisson", "damped", "everything"])
-def test_bits_are_the_cpus(name: str, precision: str) -> None:
-    held_against_the_cpu(newton_scene(name), precision, 20)
-
-
-@pytest.mark.parametrize("precision", ["float32", "float64"])
-def test_bits_of_groups_of_particles_and_of_bodies(precision: str) -> None:
-    """Two blocks, several bodies that meet a floor."""
-    held_against_the_cpu(groups_and_bodies(), precision, 20)
-
-
-@pytest.mark.parametrize("material", ["fixed-corotated", "neo-hookean"])
-@pytest.mark.parametrize("across,steps", [(2, 20), (4, 5), (8, 2)])
-def test_bits_of_large_bars(across: int, steps: int, material: str) -> None:
-    held_against_the_cpu(bar(across, material=material, damping=0.01), "float32", steps)
-    held_against_the_cpu(bar(across, material=material), "float64", steps)
-
-
-@pytest.mark.parametrize("precision", ["float32", "float64"])
-def test_bits_of_second_order(precision: str) -> None:
-    """Two stages a substep, of bodies that are damped, and of several groups."""
-    for scene in (newton_scene("damped"), bar(4)):
-        held_against_the_cpu(scene.replace({"method.order": 2}), precision, 5)
 
 
 @pytest.mark.parametrize("across", [2, 4, 8])
@@ -48,15 +22,6 @@ def test_a_bar_comes_within_a_hundredth_at_second_order(across: int) -> None:
     with open_simulation(let_go(cantilever(across, 1e7, SECOND, 1, 1)), "gpu") as simulation:
         moved = drop(simulation, across, 1e7)
     assert moved == pytest.approx(exact_drop(across, 1e7)[1], rel=0.01)
-
-
-def held_against_the_cpu(scene: Scene, precision: str, steps: int) -> None:
-    """And as many passes."""
-    expected, done = end_state(scene, "cpu", steps, precision=precision, math="exact")
-    state, found = end_state(scene, "gpu", steps, precision=precision, math="exact")
-    assert found == done
-    assert np.array_equal(state.position, expected.position)
-    assert np.array_equal(state.velocity, expected.velocity)
 
 
 def test_a_catalogue_scene_falls_alike() -> None:

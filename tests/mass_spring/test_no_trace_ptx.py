@@ -15,7 +15,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_ptx import body, tile_kernel, tile_text
+from kernel_text import kernel_text
+from ptx_rows import PASS, tile_row
 
 from softlab.model.core import own_forces
 from softlab.model.core.parameters import PARAMETERS
@@ -75,7 +76,7 @@ def passes(real: Any, integrator: str, parts: frozenset[str], anew: bool = False
     from softlab.gpu_backend.mass_spring.grid.kernels import make_passes
 
     kernels = (make_passes.__wrapped__ if anew else make_passes)(real, "fast", integrator, parts)
-    return {name: body(kernel, "pass", real, "fast") for name, kernel in kernels.items()}
+    return {name: kernel_text(kernel, PASS, real, "fast") for name, kernel in kernels.items()}
 
 
 def instructions(text: str) -> Counter[str]:
@@ -127,8 +128,8 @@ def test_the_passes_of_verlet_read_what_their_parts_need(real: Any, parts: froze
 def test_a_tile_reads_what_its_parts_need(rung: str, tile: str, real: Any) -> None:
     """Tiles read the whole record at once into registers: the compiler drops what no part uses."""
     for parts in (frozenset({"springs", "gravity", "damping"}), frozenset({"springs"})):
-        text = tile_text(tile_kernel(rung, real, "fast", "lab", tile, parts=parts), rung, real, "fast")
-        text = text[text.index(".entry") :]
+        row = tile_row(rung, "lab", tile, parts, True)
+        text = kernel_text(row.kernels(real, "fast")[""], row.letters[""], real, "fast")
         assert reads(text, rung, real) == expected_reads("lab", parts)
         assert not loads(text, RECORD_AT[rung] + ARRAY) and not loads(text, RECORD_AT[rung] + 2 * ARRAY)
 
@@ -139,7 +140,7 @@ def test_the_stages_of_rk4_drop_damping_and_random_force(real: Any) -> None:
 
     for parts in (FULL, FULL - {"damping", "external"}):
         for kernel in make_rk4_stages(real, "fast", parts)[:2]:  # the last two differ in constants alone
-            text = body(kernel, "rk4", real, "fast")
+            text = kernel_text(kernel, "CCCC" + PASS, real, "fast")
             found = reads(text, "rk4", real)
             assert ("damping" in found, "external" in found) == ("damping" in parts, "external" in parts)
             assert (MULTIPLIERS[0] in text) == ("external" in parts)

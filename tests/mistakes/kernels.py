@@ -227,7 +227,7 @@ GPU: tuple[Mistake, ...] = (
     ),
     *in_file(
         "gpu_backend/contact/surfaces_find.py",
-        "simulator/contact/test_simulated_cloth_beside.py::test_bits_are_the_cpus",
+        "simulator/test_simulated_bits.py::test_kernels_have_the_bits_of_the_cpu[tetrahedra-on-a-cloth-float32]",
         {"a cloth has an inside (gpu)": ("if inside and (owned[triangle] >> sheet) & 1 != 0:", "if inside and triangle < 0:")},
     ),
     *in_file(
@@ -246,7 +246,7 @@ GPU: tuple[Mistake, ...] = (
     ),
     *in_file(
         "gpu_backend/contact/pins.py",
-        "simulator/test_simulated_kinematic.py::test_bits_are_the_cpus",
+        "simulator/test_simulated_bits.py::test_kernels_have_the_bits_of_the_cpu[xpbd-driven-float32]",
         {"pins are where the substep began (gpu)": ("time = instant(number + one, parameters.dt, parameters.first_step, parameters.first_time)\n                x", "time = instant(number, parameters.dt, parameters.first_step, parameters.first_time)\n                x")},
     ),
     *in_file(
@@ -259,7 +259,7 @@ GPU: tuple[Mistake, ...] = (
     ),
     *in_file(
         "gpu_backend/shape_matching/kernels.py",
-        "simulator/test_simulated_bodies.py::test_the_bits_of_the_cpu",
+        "simulator/test_simulated_bits.py::test_kernels_have_the_bits_of_the_cpu[bodies-float32]",
         {
             "a lane skips its second entry (gpu)": ("np.int32(starts[c] + lane), starts[c + one], lanes)", "np.int32(starts[c] + lane), starts[c + one], lanes + lanes)"),
             "a cluster's moments are read by columns (gpu)": ("xx, xy, xz = added(xx, wx, m[0]), added(xy, wx, m[1]), added(xz, wx, m[2])", "xx, xy, xz = added(xx, wx, m[0]), added(xy, wy, m[0]), added(xz, wz, m[0])"),

@@ -7,17 +7,6 @@ import pytest
 from bodies_scenes import block, blocks, bodies_scene, end_state, method, opened, same
 
 pytestmark = pytest.mark.gpu
-KERNELS = ("graph", "launch", "stages")
-
-
-@pytest.mark.parametrize("precision", ["float32", "float64"])
-@pytest.mark.parametrize("counts,region", [((5, 4, 3), 2), ((3, 9, 2), 3), ((17, 11, 33), 4)])
-def test_bits_are_the_cpus(counts: tuple[int, int, int], region: int, precision: str) -> None:
-    scene = blocks(3, 2, counts, region)
-    expected = end_state(scene, poked=True, precision=precision, steps=21, threads=4)
-    for kernel in KERNELS:
-        found = end_state(scene, "gpu", poked=True, precision=precision, kernel=kernel, steps=21)
-        assert same(found, expected), kernel
 
 
 def test_with_contacts() -> None:

@@ -74,17 +74,6 @@ def test_against_the_reference(kernel: str, region: int, substeps: int, iteratio
     assert np.abs(single.position - position).max() < 1e-11 * 2.0**29
 
 
-@pytest.mark.parametrize("precision", ["float32", "float64"])
-@pytest.mark.parametrize("iterations", [1, 2, 3, 4])
-def test_kernels_and_threads_give_the_same_bits(precision: str, iterations: int) -> None:
-    scene = everything(2, 2, iterations)
-    first = end_state(scene, poked=True, kernel="stages", precision=precision)
-    for kernel, threads in (("stages", 3), ("fused", 1), ("fused", 2), ("fused", "4x"), ("fused", 5)):
-        other = end_state(scene, poked=True, kernel=kernel, threads=threads, precision=precision)
-        assert np.array_equal(first.position, other.position), (kernel, threads)
-        assert np.array_equal(first.velocity, other.velocity), (kernel, threads)
-
-
 @pytest.mark.parametrize("rows,columns", [(1, 1), (1, 7), (7, 1), (2, 2), (3, 17), (16, 16)])
 def test_small_and_narrow_grids(rows: int, columns: int) -> None:
     """Windows larger than the grid, single rows, a single mass."""

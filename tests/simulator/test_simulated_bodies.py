@@ -4,24 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from bodies_scenes import by_hand, degenerate, end_state, everything, hung, opened, same, start
+from bodies_scenes import by_hand, degenerate, end_state, everything, opened, same, start
 
 from softlab.model.base.errors import SceneError
-
-
-@pytest.mark.parametrize("precision", ["float32", "float64"])
-def test_the_bits_of_the_cpu(precision: str) -> None:
-    scene = everything()
-    host = end_state(scene, poked=True, precision=precision)
-    for kernel in ("launch", "stages"):
-        device = end_state(scene, "gpu", poked=True, precision=precision, kernel=kernel)
-        assert same(host, device), kernel
-
-
-def test_links_have_the_bits_of_the_cpu() -> None:
-    host = end_state(hung(1, 2), poked=True, precision="float32", steps=2)
-    for kernel in ("launch", "stages"):
-        assert same(host, end_state(hung(1, 2), "gpu", poked=True, precision="float32", kernel=kernel, steps=2)), kernel
 
 
 def test_clusters_without_a_volume() -> None:

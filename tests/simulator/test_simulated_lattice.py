@@ -7,16 +7,6 @@ import pytest
 from bodies_scenes import block, blocks, bodies_scene, end_state, method, opened, same
 
 
-@pytest.mark.parametrize(
-    "counts,region,precision,kernel",
-    [((4, 3, 3), 1, "float32", "launch"), ((3, 4, 1), 2, "float32", "stages"), ((2, 2, 4), 1, "float64", "launch")],
-)
-def test_the_bits_of_the_cpu(counts: tuple[int, int, int], region: int, precision: str, kernel: str) -> None:
-    scene = blocks(1, 2, counts, region)
-    host = end_state(scene, poked=True, precision=precision, steps=2)
-    assert same(host, end_state(scene, "gpu", poked=True, precision=precision, kernel=kernel, steps=2))
-
-
 @pytest.mark.parametrize("precision", ["float32", "float64"])
 @pytest.mark.parametrize("kernel", ["launch", "stages"])
 def test_friction_turns_windows(precision: str, kernel: str) -> None:

@@ -4,20 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from test_matching import STEPS, end_state, everything, jelly
+from test_matching import end_state, jelly
 
 from softlab.model.base.errors import SceneError
-
-
-@pytest.mark.parametrize("region,substeps,iterations", [(1, 1, 1), (2, 1, 2), (1, 2, 3)])
-def test_the_bits_of_the_cpu(region: int, substeps: int, iterations: int) -> None:
-    scene = everything(region, substeps, iterations)
-    host = end_state(scene, poked=True)
-    for kernel in ("launch", "stages"):
-        device = end_state(scene, "gpu", poked=True, kernel=kernel)
-        assert np.array_equal(host.position, device.position), kernel
-        assert np.array_equal(host.velocity, device.velocity), kernel
-    assert host.step == STEPS
 
 
 def test_a_window_larger_than_the_grid() -> None:

@@ -29,18 +29,6 @@ def end_state(scene: Scene, backend: str, **options: Any) -> State:
         return simulation.state()
 
 
-def same(one: State, other: State) -> bool:
-    return np.array_equal(one.position, other.position) and np.array_equal(one.velocity, other.velocity)
-
-
-@pytest.mark.parametrize("name,precision", [("held", "float32"), ("dihedral", "float64"), ("distances", "float64")])
-def test_bits_are_the_cpus(name: str, precision: str) -> None:
-    scene = mesh_scene(name)
-    expected = end_state(scene, "cpu", precision=precision, threads=1)
-    for kernel in ("launch", "stages"):
-        assert same(end_state(scene, "gpu", precision=precision, kernel=kernel), expected), kernel
-
-
 @pytest.mark.parametrize("name", PARTS)
 def test_states_are_the_references(name: str) -> None:
     """As in test_xpbd_mesh_cpu.py: rounding alone."""

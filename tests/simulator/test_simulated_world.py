@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import pytest
 from world_scenes import moving, world_scene
 
 from softlab.app.driver import open_simulation
@@ -21,24 +20,6 @@ def end_state(scene: Scene, backend: str, **options: Any) -> State:
             found = contacts.contact_counts if backend == "cpu" else contacts.contact_counts.copy_to_host()
             assert np.count_nonzero(found) and contacts.lost == contacts.neighbours_lost == 0
         return simulation.state()
-
-
-@pytest.mark.parametrize(
-    ("name", "precision", "kernel"),
-    [
-        ("all", "float32", "launch"),
-        ("jelly on a cloth", "float64", "stages"),
-        ("jelly on a block by vertices", "float32", "launch"),
-        ("jelly on a block by vertices", "float64", "stages"),
-    ],
-)
-def test_bits_are_the_cpus(name: str, precision: str, kernel: str) -> None:
-    scene = world_scene(name)
-    expected = end_state(scene, "cpu", precision=precision, threads=1)
-    state = end_state(scene, "gpu", precision=precision, kernel=kernel)
-    assert np.array_equal(state.position, expected.position)
-    assert np.array_equal(state.velocity, expected.velocity)
-    assert np.array_equal(state.rotation, expected.rotation)  # type: ignore[arg-type]
 
 
 def test_members_that_nothing_couples_move_as_each_alone() -> None:

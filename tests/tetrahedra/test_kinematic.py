@@ -104,18 +104,6 @@ def test_both_ends_of_a_twisted_bar_are_turned_back_alike() -> None:
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
-def test_threads_and_kernels_give_the_same_bits(solver: str) -> None:
-    scene = kinematic_scene(solver, **ENDS)
-    one = run(scene, 3, **EXACT)
-    for options in ({"threads": 3}, {"threads": 2, "kernel": "stages"}):
-        if solver == "newton" and "kernel" in options:
-            continue
-        other = run(scene, 3, **EXACT | options)
-        assert one.position.tobytes() == other.position.tobytes(), options
-        assert one.velocity.tobytes() == other.velocity.tobytes(), options
-
-
-@pytest.mark.parametrize("solver", SOLVERS)
 def test_pinned_vertices_go_to_their_targets_and_rest_there(solver: str) -> None:
     scene = kinematic_scene(solver)
     found = scene.tetrahedra_set

@@ -52,28 +52,6 @@ def test_states_are_the_references(name: str) -> None:
     assert np.abs(state.position - begin.position).max() > 1e-3  # something happened
 
 
-def test_threads_and_kernels_give_the_same_bits() -> None:
-    scene = tetrahedra_scene("everything")
-    one = run(scene)
-    for options in ({"threads": 3}, {"kernel": "stages", "threads": 2}):
-        other = run(scene, **options)
-        assert one.position.tobytes() == other.position.tobytes(), options
-        assert one.velocity.tobytes() == other.velocity.tobytes(), options
-
-
-def test_a_state_continues_bit_for_bit() -> None:
-    scene = tetrahedra_scene("everything")
-    options: dict[str, Any] = {"precision": "float64", "math": "exact", "threads": 1}
-    with open_simulation(scene, "cpu", initial=moving(scene), **options) as simulation:
-        simulation.advance(1)
-        half = simulation.state()
-        simulation.advance(1)
-        whole = simulation.state()
-        simulation.load(half)
-        simulation.advance(1)
-        assert simulation.state().position.tobytes() == whole.position.tobytes()
-
-
 def test_a_free_body_keeps_its_momentum() -> None:
     """Gradients of a row add up to 0, so that the sum of m v changes by rounding alone."""
     scene = Scene({"body": FREE, "method": METHOD})

@@ -15,16 +15,20 @@ from softlab.model.core.own_forces import force_names
 from softlab.model.core.parameters import PARAMETERS, record_type
 from softlab.model.fluid.parameters import FLUID_PARAMETERS
 from softlab.model.mass_spring.implicit_parameters import SYSTEM_PARAMETERS
+from softlab.model.tetrahedra import newton
 from softlab.model.tetrahedra.constraints import CONSTANTS
+from softlab.model.tetrahedra.descent import SCALE
 
-RECORDS = {  # of a grid; of all solvers of quads, a cloth's names among others; of a cloth's contacts; of a matrix; ...
-    "grid": PARAMETERS,
-    "quads": XPBD_PARAMETERS,
-    "contacts": SELF_CONTACT_PARAMETERS,
-    "surfaces": SURFACE_CONTACT_PARAMETERS,
-    "matrix": SYSTEM_PARAMETERS,
-    "tetrahedra": (*CONSTANTS, *XPBD_PARAMETERS),
-    "fluid": (*force_names(3), *FLUID_PARAMETERS),
+RECORDS = {  # by family: its letter among a kernel's arguments, and the names of its constants
+    "grid": ("G", PARAMETERS),
+    "quads": ("P", XPBD_PARAMETERS),
+    "contacts": ("K", SELF_CONTACT_PARAMETERS),
+    "surfaces": ("S", SURFACE_CONTACT_PARAMETERS),
+    "matrix": ("M", SYSTEM_PARAMETERS),
+    "tetrahedra": ("T", (*CONSTANTS, *XPBD_PARAMETERS)),
+    "descent": ("D", (SCALE, *newton.CONSTANTS, *XPBD_PARAMETERS)),
+    "newton": ("N", (*newton.CONSTANTS, *XPBD_PARAMETERS)),
+    "fluid": ("F", (*force_names(3), *FLUID_PARAMETERS)),
 }
 
 
@@ -32,39 +36,32 @@ def record_of(real: Any, family: str) -> Any:
     """numba's type of the array that holds a family's constants."""
     from numba import typeof
 
-    return typeof(np.zeros(1, record_type(RECORDS[family], real)))
+    return typeof(np.zeros(1, record_type(RECORDS[family][1], real)))
 
 
 @cache
-def ptx_of(function: Callable, arguments: tuple, math: str) -> str:
-    """The PTX of a kernel's function for arguments of numba's types `arguments`: made once for all tests of a process."""
+def entry_of(function: Callable, arguments: tuple, math: str) -> str:
+    """The PTX of a kernel's function for arguments of numba's types `arguments`, from its entry on: made once for all tests
+    of a process."""
     from numba import cuda
 
-    text, _ = cuda.compile_ptx(function, arguments, cc=(9, 0), fastmath=math == "fast")
-    return str(text)
-
-
-def entry_of(function: Callable, arguments: tuple, math: str) -> str:
-    """`ptx_of` from the kernel's entry on."""
-    text = ptx_of(function, arguments, math)
+    text = str(cuda.compile_ptx(function, arguments, cc=(9, 0), fastmath=math == "fast")[0])
     return text[text.index(".entry") :]
 
 
 def kernel_text(kernel: Any, letters: str, real: Any, math: str) -> str:
-    """The PTX of a kernel from its entry on. `letters`, one of each argument: R and I arrays of reals and of integers, L of
-    64-bit and U of unsigned ones, P the record of constants of solvers of quads, F of fluids,
-    r a real, i and l numbers of 32 and 64 bits, b a yes or no."""
+    """Return the PTX of a kernel from its entry on.
+
+    `letters`, one per argument: R, W and C arrays of reals, of rows of reals and of pairs; I, L, U and B of integers of
+    32 and 64 bits, of unsigned ones and of bytes; r a real, i, l and b numbers of 32 and 64 bits and a yes or no; those of
+    RECORDS.
+    """
     from numba import types
 
-    numbers = (types.float32 if real is np.float32 else types.float64)[::1]
-    known = {"R": numbers, "I": types.int32[::1], "L": types.int64[::1], "U": types.uint64[::1]}
-    known["P"], known["F"] = record_of(real, "quads"), record_of(real, "fluid")
-    known |= {"r": numbers.dtype, "i": types.int32, "l": types.int64, "b": types.boolean}
-    return entry_of(kernel.py_func, tuple(known[letter] for letter in letters), math)
-
-
-def collide_text(real: Any, math: str, parts: frozenset[str]) -> str:
-    """Of the kernel in which the masses of a position-based solver meet the colliders among `parts`."""
-    from softlab.gpu_backend.position_based.stages import make_xpbd_stages
-
-    return kernel_text(make_xpbd_stages(real, math, parts, 3).collide, "RRRPRUl", real, math)
+    real_type = types.float32 if real is np.float32 else types.float64
+    known = {"R": real_type[::1], "W": real_type[:, ::1], "I": types.int32[::1], "L": types.int64[::1]}
+    known["C"] = (types.complex64 if real is np.float32 else types.complex128)[::1]
+    known |= {"U": types.uint64[::1], "B": types.uint8[::1]}
+    known |= {"r": real_type, "i": types.int32, "l": types.int64, "b": types.boolean}
+    records = {letter: record_of(real, family) for family, (letter, _) in RECORDS.items() if letter in letters}
+    return entry_of(kernel.py_func, tuple((known | records)[letter] for letter in letters), math)

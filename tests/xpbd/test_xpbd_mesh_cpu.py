@@ -53,28 +53,6 @@ def test_states_are_the_references(name: str) -> None:
     assert np.abs(state.position - begin.position).max() > 1e-4  # something happened
 
 
-def test_threads_and_kernels_give_the_same_bits() -> None:
-    scene = mesh_scene("held")
-    one = run(scene)
-    for options in ({"threads": 3}, {"kernel": "stages", "threads": 2}):
-        other = run(scene, **options)
-        assert one.position.tobytes() == other.position.tobytes(), options
-        assert one.velocity.tobytes() == other.velocity.tobytes(), options
-
-
-def test_a_state_continues_bit_for_bit() -> None:
-    scene = mesh_scene("everything")
-    options: dict[str, Any] = {"precision": "float64", "math": "exact", "threads": 1, "live": ["poke"]}
-    with open_simulation(scene, "cpu", initial=start(scene), **options) as simulation:
-        simulation.advance(2)
-        half = simulation.state()
-        simulation.advance(2)
-        whole = simulation.state()
-        simulation.load(half)
-        simulation.advance(2)
-        assert simulation.state().position.tobytes() == whole.position.tobytes()
-
-
 @pytest.mark.parametrize("name", ["isometric", "dihedral", "distances"])
 def test_free_sheets_keep_their_momenta(name: str) -> None:
     """Gradients of every constraint add up to 0: linear momentum to rounding. Their moments do where they are taken, at the

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from kinematic_scenes import BAR, CLAMP, CUBE, ENDS, HOOK, LOOSE, kinematic_scene
+from kinematic_scenes import BAR, ENDS, LOOSE, kinematic_scene
 from newton_scenes import end_state, groups_and_bodies, newton_scene
 from tetrahedra_scenes import BODY
 
@@ -32,26 +32,6 @@ def held_against_the_cpu(scene: Scene, precision: str, steps: int, **options: An
     return state
 
 
-@pytest.mark.parametrize(
-    "name,precision",
-    [("fixed-corotated", "float64"), ("corotated", "float32"), ("neo-hookean", "float64"), ("damped", "float32")],
-)
-def test_bits_are_the_cpus(name: str, precision: str) -> None:
-    held_against_the_cpu(newton_scene(name), precision, 2)
-
-
-def test_bits_of_second_order() -> None:
-    held_against_the_cpu(newton_scene("damped").replace({"method.order": 2}), "float32", 2)
-
-
-def test_bits_of_groups_of_particles_and_of_bodies() -> None:
-    expected, done = groups_on_the_cpu()
-    state, found = end_state(groups_and_bodies(), "gpu", 1, precision="float64", math="exact")
-    assert found == done
-    assert np.array_equal(state.position, expected.position)
-    assert np.array_equal(state.velocity, expected.velocity)
-
-
 def test_fast_math_takes_sums_in_another_order_alone() -> None:
     """As many passes; places to float64's rounding, 2e-16, times the condition of a system, below 1e6, times a metre."""
     scene = groups_and_bodies()
@@ -73,20 +53,6 @@ PINS: dict[str, Any] = {
     "slow": LOOSE | {"edge": 0.1, "origin": [0.0, 0.5, 0.0], "velocity": [1.0, 0.5, 0.2], "mass_damping": 5.0},
     "gravity": {},
 } | ENDS  # fmt: skip
-
-
-def test_bits_of_pins_that_move_and_of_bodies_that_are_braked() -> None:
-    """Dampers, too: a pin works against them."""
-    scene = kinematic_scene("newton", **PINS)
-    held_against_the_cpu(scene, "float32", 2, initial=None)
-
-
-def test_bits_of_attachments() -> None:
-    """That give, and not; to the world, to another body, whose vertices are pinned, too; no damper counts them."""
-    scene = kinematic_scene(
-        "newton", bar=PINS["bar"], cube=CUBE | {"edge": 0.1}, hook=HOOK, clamp=CLAMP | {"body": "cube"}, **ENDS
-    )
-    held_against_the_cpu(scene, "float64", 2, initial=None)
 
 
 def test_pins_go_to_the_cpus_targets() -> None:

@@ -44,6 +44,7 @@ def test_every_free_vertex_is_visited_once_with_all_its_tetrahedra() -> None:
         for colour in range(one.colours):
             some = one.order[one.starts[colour] : one.starts[colour + 1]]
             assert len(some) and (np.diff(some) > 0).all()
+            assert (np.isin(found.tetrahedra, some).sum(axis=1) <= 1).all(), "two vertices that are visited at once"
         for k, vertex in enumerate(one.order[: one.free].tolist()):
             entries = one.entries[one.offsets[k] : one.offsets[k + 1]]
             assert (np.diff(entries) > 0).all()

@@ -131,17 +131,6 @@ def test_surfaces_keep_their_distance_and_their_momentum(iterations: int, lost: 
     assert through.position.tobytes() != state.position.tobytes()
 
 
-@pytest.mark.parametrize("name", ["slope", "pair"])
-def test_threads_and_kernels_give_the_same_bits(name: str) -> None:
-    scene = pair() if name == "pair" else on_slope(20.0)[0]
-    for precision in ("float32", "float64"):
-        one = end_state(scene, 4, rest_of(scene), precision=precision)
-        for options in ({"threads": 3}, {"kernel": "stages", "threads": 2}):
-            other = end_state(scene, 4, rest_of(scene), precision=precision, **options)
-            assert one.position.tobytes() == other.position.tobytes(), options
-            assert one.velocity.tobytes() == other.velocity.tobytes(), options
-
-
 def test_newton_knows_no_contacts_of_surfaces() -> None:
     with pytest.raises(SceneError, match=r"is not supported by the solver newton.*meet under xpbd or vbd"):
         pair(method=METHOD | {"solver": "newton"})

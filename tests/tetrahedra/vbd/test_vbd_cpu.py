@@ -114,18 +114,6 @@ def test_a_cantilever_comes_to_rest_where_its_mesh_says() -> None:
         np.testing.assert_allclose(simulation.state().position, rest, atol=1e-6)
 
 
-def test_threads_kernels_and_continued_states_give_the_same_bits() -> None:
-    scene = Scene(EVERYTHING)
-    for precision in ("float32", "float64"):
-        one = end_state(scene, 2, precision=precision)
-        for options in ({"threads": 2}, {"threads": 3}, {"kernel": "stages", "threads": 2}):
-            other = end_state(scene, 2, precision=precision, **options)
-            assert one.position.tobytes() == other.position.tobytes(), options
-            assert one.velocity.tobytes() == other.velocity.tobytes(), options
-        again = end_state(scene, 1, end_state(scene, 1, precision=precision), precision=precision)
-        assert one.position.tobytes() == again.position.tobytes()
-
-
 def test_float32_is_float64_rounded() -> None:
     scene = Scene(EVERYTHING)
     one, other = end_state(scene, 2), end_state(scene, 2, precision="float32")

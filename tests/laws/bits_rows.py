@@ -1,0 +1,322 @@
+"""The table of scenes whose states must have the same bits: on any threads, by every kernel, in the CUDA simulator and on
+a GPU, and from a state on the way.
+
+test_bits.py, test_bits_gpu.py and simulator/laws/test_simulated_bits.py have the checks. Scenes are those of each
+family's tests, with every part that the family has.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+
+import beside_scenes
+import bodies_scenes
+import newton_scenes
+import numpy as np
+import pytest
+import surface_scenes
+import tetrahedra_scenes
+import vbd_scenes
+import wet_scenes
+import world_scenes
+from kinematic_scenes import BAR, CLAMP, CUBE, ENDS, HOOK, LOOSE, SOLVERS, kinematic_scene
+from meeting_bodies import meeting, smooth
+from mesh_scenes import POKE as MESH_POKE
+from mesh_scenes import mesh_scene
+from rebound_scenes import among_soft_ones, dropped
+from test_matching import POKE as GRID_POKE
+from test_matching import everything as matched_grid
+from test_vbd_contact import on_slope, pair, rest_of
+
+from softlab.app.driver import open_simulation
+from softlab.model.core.state import State
+from softlab.model.scene.scene import Scene
+
+FIELDS = ("position", "velocity", "rotation", "plastic", "inverse_mass")
+PRECISIONS = ("float32", "float64")
+LAUNCHED, ONE, BOTH = ("launch", "stages"), (None,), ("stages", "fused")
+CPU, SIMULATOR, GPU = "cpu", "simulator", "gpu"
+
+
+@dataclass(frozen=True, eq=False)
+class Row:
+    """A scene, and where its bits are compared.
+
+    `steps`: by the place, CPU, SIMULATOR or GPU; it is not run in others. `start`: its first state; `poke`: particle and
+    force [N]; `kernels`: of CUDA, `more` on a GPU as well; `on_cpu`: of the CPU, the same one if CUDA has one alone;
+    `without`: a scene whose end must differ, since it lacks what the row is for. `usual`: precisions by place
+    that run by default, the others by `--rest`.
+    """
+
+    name: str
+    scene: Callable[[], Scene]
+    steps: Mapping[str, int]
+    start: Callable[[Scene], State] | None = None
+    poke: tuple[int, tuple[float, ...]] | None = None
+    kernels: tuple[str | None, ...] = LAUNCHED
+    more: tuple[str, ...] = ("graph",)
+    on_cpu: tuple[str | None, ...] = BOTH
+    without: Callable[[], Scene] | None = None
+    usual: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+
+    def kernels_of(self, place: str) -> tuple[str | None, ...]:
+        """The kernels that are compared at a place."""
+        if self.kernels == ONE:
+            return ONE
+        return {CPU: self.on_cpu, SIMULATOR: self.kernels, GPU: (*self.more, *self.kernels)}[place]
+
+    def ended(self, place: str, backend: str = "cpu", *, parts: tuple[int, ...] = (), scene: Scene | None = None,
+              initial: State | None = None, **options: Any) -> tuple[State, Any]:  # fmt: skip
+        """(state after the steps of a place, what an implicit solver counted), in exact math."""
+        scene = scene or self.scene()
+        begin = initial or (self.start(scene) if self.start else None)
+        live = ("poke",) if self.poke else ()
+        with open_simulation(scene, backend, math="exact", live=live, initial=begin, **options) as simulation:
+            if self.poke:
+                simulation.poke(*self.poke)
+            for steps in parts or (self.steps[place],):
+                simulation.advance(steps)
+            done = getattr(simulation, "done", None)
+            return simulation.state(), None if done is None else list(done)
+
+
+def different(one: State, other: State) -> list[str]:
+    """The arrays of two states whose bits differ."""
+    pairs = {name: (getattr(one, name), getattr(other, name)) for name in FIELDS}
+    return [name for name, (a, b) in pairs.items() if (a is None) != (b is None) or not np.array_equal(a, b)]
+
+
+def cases(place: str) -> list[Any]:
+    """(row, precision) of a place."""
+    return [
+        pytest.param(
+            row, precision, id=f"{row.name}-{precision}".replace(" ", "-"),
+            marks=[] if place == GPU or precision in row.usual.get(place, ()) else [pytest.mark.rest],
+        )
+        for row in ROWS
+        if place in row.steps
+        for precision in PRECISIONS
+    ]  # fmt: skip
+
+
+# ---------------------------------------------------------------------- tetrahedra
+
+SIMULATED = {
+    "everything": ("float32",), "damped": ("float64",), "corotated": ("float64",), "damped blocks": ("float32",),
+    "damped hookean": ("float64",), "hookean once": ("float32",), "hookean voxels": ("float32",), "once": ("float32",),
+    "free": ("float32",), "voxels": ("float32",),
+}  # fmt: skip
+SLOW = LOOSE | {"origin": [0.0, 0.5, 0.0], "velocity": [1.0, 0.5, 0.2], "mass_damping": 3.0, "mass_ratio": 1.5}
+SLEEPING = {"solver": "xpbd", "dt": 0.01, "substeps": 2, "sleeping_speed": 0.05}
+NEAR: dict[str, Any] = {
+    "body": vbd_scenes.BODY,
+    "second": vbd_scenes.FREE | {"origin": [0.22, 0.03, 0.01], "velocity": [-1.0, 0.0, 0.2], "spin": [0.0] * 3},
+    "contact": {"distance": 0.03, "static_friction": 0.3, "dynamic_friction": 0.2},
+}  # fmt: skip
+
+
+def tetrahedra() -> Iterator[Row]:
+    of = tetrahedra_scenes
+    for name in of.PARTS:
+        usual = {CPU: ("float64",) if name == "everything" else (), SIMULATOR: SIMULATED.get(name, ())}
+        more = ("graph",) if name in of.LAUNCHED else ("graph", "resident")
+        yield Row(
+            f"xpbd {name}", partial(of.tetrahedra_scene, name), {CPU: 2, SIMULATOR: 1, GPU: 20}, of.moving, more=more,
+            usual=usual,
+        )  # fmt: skip
+    for solver in SOLVERS:
+        kernels, damper = (ONE, {"bar": BAR | {"damping": 0.02}}) if solver == "newton" else (LAUNCHED, {})
+        driven = damper | {"slow": SLOW, **ENDS}
+        steps = {CPU: 3, SIMULATOR: 2, GPU: 20}
+        usual = {CPU: ("float32",) if solver == "xpbd" else ()}
+        yield Row(f"{solver} driven", partial(kinematic_scene, solver, **driven), steps, kernels=kernels, usual=usual)
+        held = {"bar": LOOSE, "cube": CUBE, "hook": HOOK | {"compliance": 1e-4 * (solver == "newton")}, "clamp": CLAMP}
+        scene, usual = partial(kinematic_scene, solver, **held), {CPU: ("float64",) if solver == "xpbd" else ()}
+        yield Row(f"{solver} attached", scene, steps, kernels=kernels, usual=usual)
+    slow = LOOSE | {"origin": [0.0, 0.5, 0.0]}
+    tables = {"gravity": {"acceleration": 2.0}, "method": SLEEPING, "slow": slow}
+    scene, steps = partial(kinematic_scene, "xpbd", **tables), {CPU: 3, SIMULATOR: 2, GPU: 60}
+    yield Row("xpbd sleeping", scene, steps, usual={CPU: ("float64",), SIMULATOR: ("float32",)})
+
+
+def by_vertices() -> Iterator[Row]:
+    of, steps = vbd_scenes, {CPU: 2, SIMULATOR: 1, GPU: 20}
+    usual = {CPU: PRECISIONS, SIMULATOR: ("float32",)}
+    yield Row("vbd everything", lambda: Scene(of.EVERYTHING), steps, of.moving, usual=usual)
+    alone = {SIMULATOR: ("float64",)}
+    yield Row("vbd alone", partial(of.vbd_scene, of.BODY, iterations=1), steps, of.moving, usual=alone)
+    fast = of.METHOD | {"substeps": 2, "iterations": 3, "chebyshev": 0.8}
+    yield Row(
+        "vbd meeting", lambda: Scene(NEAR | {"method": fast}), steps, of.moving, usual={SIMULATOR: ("float32",)},
+        without=lambda: Scene(NEAR | {"method": fast | {"chebyshev": 0.0}}),
+    )  # fmt: skip
+    resting = {CPU: 4, GPU: 20}
+    yield Row("vbd slope", lambda: on_slope(20.0)[0], resting, rest_of, usual={CPU: ("float64",)})
+    yield Row("vbd pair", pair, resting, rest_of)
+    yield Row("vbd pair accelerated", lambda: pair().replace({"method.chebyshev": 0.8}), {GPU: 20}, rest_of)
+
+
+def newton() -> Iterator[Row]:
+    of, steps = newton_scenes, {CPU: 2, SIMULATOR: 2, GPU: 20}
+    simulated = "fixed-corotated", "corotated", "neo-hookean", "damped"
+    for name in (*simulated, "no Poisson", "everything"):
+        where = steps if name in simulated else {GPU: 20}
+        usual = {CPU: ("float64",)} if name == "damped" else {}
+        yield Row(f"newton {name}", partial(of.newton_scene, name), where, of.shaken, kernels=ONE, usual=usual)
+    for name, scene in (("damped", partial(of.newton_scene, "damped")), ("bar", partial(of.bar, 4))):
+        yield Row(
+            f"newton second order {name}", lambda scene=scene: scene().replace({"method.order": 2}),
+            {CPU: 2, SIMULATOR: 2, GPU: 5} if name == "damped" else {GPU: 5}, of.shaken, kernels=ONE,
+            usual={SIMULATOR: ("float32",)},
+        )  # fmt: skip
+    yield Row("newton groups", of.groups_and_bodies, {SIMULATOR: 1, GPU: 20}, of.shaken, kernels=ONE)
+    yield Row("newton long", partial(of.bar, 2, damping=0.01), {GPU: 20}, of.shaken, kernels=ONE)
+    for across, count in ((4, 5), (8, 2)):
+        for material, damping in (("fixed-corotated", 0.01), ("neo-hookean", 0.01), ("fixed-corotated", 0.0)):
+            scene = partial(of.bar, across, material=material, damping=damping)
+            yield Row(f"newton bar {across} {material} {damping}", scene, {GPU: count}, of.shaken, kernels=ONE)
+
+
+def surfaces() -> Iterator[Row]:
+    three, begin = surface_scenes.three, surface_scenes.crumpled_state
+    smooth_ones = partial(three, static_friction=0.0, dynamic_friction=0.0)
+    usual = {CPU: ("float32",), SIMULATOR: PRECISIONS}
+    yield Row("surfaces", three, {CPU: 2, SIMULATOR: 1, GPU: 30}, begin, without=smooth_ones, usual=usual)
+    yield Row("smooth surfaces", smooth_ones, {SIMULATOR: 1}, begin, usual={SIMULATOR: ("float64",)})
+    of = beside_scenes
+    for name, make, precision in (("on a cloth", of.on_cloth, "float32"), ("tied", of.tied, "float64")):
+        usual = {CPU: (precision,) if name == "tied" else (), SIMULATOR: (precision,)}
+        yield Row(
+            f"tetrahedra {name}", make, {CPU: 2, SIMULATOR: 1, GPU: 20}, of.crumpled_state, usual=usual,
+            without=partial(make, contact=None),
+        )  # fmt: skip
+
+
+def worlds() -> Iterator[Row]:
+    of = world_scenes
+    simulated = {"jelly on a cloth": ("float64",), of.BY_VERTICES: ("float32",)}
+    for name in of.PARTS:
+        yield Row(
+            f"world {name}", partial(of.world_scene, name), {CPU: 3, SIMULATOR: 1, GPU: 20}, of.moving,
+            on_cpu=("stages",), usual={SIMULATOR: simulated.get(name, ())},
+            without=partial(of.world_scene, name, contact=None),
+        )  # fmt: skip
+    for name in wet_scenes.PARTS:
+        yield Row(f"wet {name}", partial(wet_scenes.wet_scene, name), {GPU: 20}, partial(of.moving, apart=0.001))
+
+
+# ---------------------------------------------------------------------- bodies of clusters, grids, meshes
+
+
+def bodies() -> Iterator[Row]:
+    of = bodies_scenes
+    few = {SIMULATOR: ("float32",)}
+    yield Row("bodies", of.everything, {SIMULATOR: 5, GPU: 41}, poke=of.POKE, usual=few)
+    yield Row("three substeps of bodies", partial(of.everything, 3, 2), {GPU: 41}, poke=of.POKE)
+    yield Row("linked", of.hung, {GPU: 41}, poke=of.POKE)
+    yield Row("linked once", partial(of.hung, 1, 2), {SIMULATOR: 2}, poke=of.POKE, usual=few)
+    yield Row("of all materials", of.of_all_materials, {SIMULATOR: 3, GPU: 41}, poke=of.POKE, usual=few)
+    plastic = ("plastic_threshold", "plastic_creep", "plastic_limit")
+    for left_out in (("cluster_damping",), ("linear", "cluster_damping"), ("linear",), plastic):
+        scene = partial(of.of_all_materials, left_out)
+        yield Row(f"without {' '.join(left_out)}", scene, {SIMULATOR: 3, GPU: 41}, poke=of.POKE, kernels=("launch",))
+    yield Row("lattices", of.blocks, {GPU: 21}, poke=of.POKE)
+    for substeps, counts, region, where in (
+        (1, (4, 3, 3), 1, {SIMULATOR: 2}),
+        (1, (3, 4, 1), 2, {SIMULATOR: 2}),
+        (1, (2, 2, 4), 1, {SIMULATOR: 2}),
+        (3, (3, 9, 2), 3, {GPU: 21}),
+        (3, (17, 11, 33), 4, {GPU: 21}),
+    ):
+        name = f"lattices of {'x'.join(map(str, counts))}"
+        usual = {SIMULATOR: ("float64",) if counts == (2, 2, 4) else ("float32",)}
+        yield Row(name, partial(of.blocks, substeps, 2, counts, region), where, poke=of.POKE, usual=usual)
+    for region, substeps, iterations, where in (
+        *((2, 2, count, {CPU: 7}) for count in (1, 2, 3, 4)), (1, 1, 1, {SIMULATOR: 7}), (2, 1, 2, {SIMULATOR: 7}),
+        (1, 2, 3, {SIMULATOR: 7}),
+    ):  # fmt: skip
+        scene = partial(matched_grid, region, substeps, iterations)
+        yield Row(f"matching {region} {substeps} {iterations}", scene, where, poke=GRID_POKE)
+    for region, substeps, iterations in ((1, 1, 1), (1, 2, 3), (3, 2, 2)):
+        scene = partial(wide_grid, region, substeps, iterations)
+        yield Row(f"matching wide {region} {substeps} {iterations}", scene, {GPU: 100}, poke=GRID_POKE)
+    for name in ("held", "dihedral", "distances", "rigid", "pbd"):
+        usual = {CPU: ("float64",), SIMULATOR: ("float32",)} if name == "held" else {}
+        usual |= {SIMULATOR: ("float64",)} if name == "distances" else {}
+        yield Row(
+            f"mesh {name}", partial(mesh_scene, name), {CPU: 4, SIMULATOR: 2, GPU: 40}, poke=MESH_POKE, usual=usual
+        )
+
+
+def wide_grid(region: int, substeps: int, iterations: int) -> Scene:
+    return matched_grid(region, substeps, iterations).replace({"grid.rows": 70, "grid.columns": 45})
+
+
+HILLS = {
+    "shape": {"name": "terrain", "resolution": 2}, "origin": [0.1, 0.05, -0.2], "angle": 10.0, "axis": [1.0, 0.0, 0.5],
+    "velocity": [0.3, 0.5, 0.0], "spin": [0.2, 0.9, -0.3], "thickness": 0.08, "static_friction": 0.5,
+    "dynamic_friction": 0.4,
+}  # fmt: skip
+HARD = {"restitution": 0.7, "thickness": 0.05, "static_friction": 0.3, "dynamic_friction": 0.2}
+COLLIDERS = {
+    "plane": HARD | {"point": [0.0, 0.15, 0.0], "normal": [0.2, 1.0, 0.1]},
+    "sphere": HARD | {"center": [-0.2, 0.1, 0.0], "radius": 0.2},
+    "capsule": HARD | {"start": [0.2, 0.2, -0.2], "end": [0.4, 0.25, 0.2], "radius": 0.05},
+    "box": HARD | {"center": [0.0, 0.1, 0.2], "half_size": [0.1, 0.1, 0.1]},
+    "mesh_collider": HILLS | {"restitution": 0.4},
+}  # fmt: skip
+BEAM = {"shape": {"name": "box", "resolution": 4, "sides": [0.3, 0.2, 0.2]}, "particle_spacing": 0.1}
+COUPLES = {"rigid": ["rigid_body"] * 2, "soft": ["soft_body"] * 2, "both": ["rigid_body", "soft_body"]}
+
+
+def touching() -> Iterator[Row]:
+    """Bodies of clusters against colliders and each other."""
+    of, solved = bodies_scenes, bodies_scenes.method(2, 1)
+    bar = of.BAR | {"velocity": [1.0, -6.0, 0.5], "origin": [0.0, 0.4, 0.0]}
+    on_hills = of.bodies_scene(bar=bar, mesh_collider=HILLS, method=solved)
+    yield Row(
+        "on a mesh", lambda: on_hills, {SIMULATOR: 5, GPU: 40}, usual={SIMULATOR: ("float32",)},
+        without=lambda: on_hills.replace({"mesh_collider.origin": [0.0, -50.0, 0.0]}),
+    )  # fmt: skip
+    off_all = of.bodies_scene(bar=bar, method=solved, **COLLIDERS)
+    for name in COLLIDERS:  # something bounces off each of them
+        yield Row(
+            f"off a {name}", lambda: off_all, {SIMULATOR: 5} | ({GPU: 40} if name == "plane" else {}),
+            without=lambda name=name: off_all.replace({f"{name}.restitution": 0.0}),
+        )  # fmt: skip
+    coming = {"origin": [0.05, 0.2, 0.03], "velocity": [0.5, -2.0, 0.0]}
+    for name, kinds in COUPLES.items():
+        one, other = (BEAM | {"kind": kind} for kind in kinds)
+        scene = of.bodies_scene(one=one, other=other | coming, contact={}, method=of.method(2, 2))
+        yield Row(
+            f"couples {name}", lambda scene=scene: scene, {SIMULATOR: 2, GPU: 40},
+            without=lambda scene=scene: scene.replace({"contact.static_friction": 1e-30, "contact.dynamic_friction": 0.0}),
+            usual={SIMULATOR: PRECISIONS if name == "both" else ("float32",)},
+        )  # fmt: skip
+    yield from bouncing()
+
+
+def bouncing() -> Iterator[Row]:
+    few = {SIMULATOR: ("float32",)}
+    yield Row("meeting", meeting, {GPU: 60}, poke=bodies_scenes.POKE)
+    yield Row("meeting once", partial(meeting, 2, 1), {SIMULATOR: 2}, usual={SIMULATOR: ("float64",)})
+    yield Row("many meet", partial(meeting, 1, 1, copies=3, sweeps=1), {GPU: 60})
+    yield Row("crowded", partial(meeting, 2, 1, copies=5), {CPU: 2}, usual={CPU: ("float32",)})
+    yield Row("smooth", partial(smooth, 1, 2), {SIMULATOR: 2, GPU: 60})
+    yield Row("bounces", partial(meeting, restitution=0.6), {GPU: 40}, poke=bodies_scenes.POKE)
+    yield Row("bounces once", partial(meeting, 2, 1, restitution=0.7), {SIMULATOR: 4}, usual=few)
+    damped = meeting(1, 1, restitution=0.7).replace({"soft.cluster_damping": 4.0})
+    yield Row("bounces damped", lambda: damped, {SIMULATOR: 4}, kernels=("launch",))
+    alike = smooth(2, 1).replace({"contact.restitution": 1.0})
+    yield Row("bounces alike", lambda: alike, {SIMULATOR: 3}, kernels=("launch",))
+    floor = {"restitution": 0.8, "static_friction": 0.3, "dynamic_friction": 0.2}
+    rebound = partial(dropped, angle=40.0, height=0.4, speed=4.0, **floor)
+    yield Row("rebound", rebound, {SIMULATOR: 6, GPU: 40}, usual=few)
+    yield Row("rebound among soft ones", among_soft_ones, {SIMULATOR: 4, GPU: 40})
+
+
+FAMILIES = tetrahedra, by_vertices, newton, surfaces, worlds, bodies, touching
+ROWS: tuple[Row, ...] = tuple(row for family in FAMILIES for row in family())

@@ -1,0 +1,189 @@
+"""Mistakes between parts of a scene: members of a world, windows of several ranks or GPUs, a fluid and its solids."""
+
+from __future__ import annotations
+
+from .mistake import Mistake, in_file
+
+WORLD = "test_world_cpu.py::test_states_are_the_references"
+FLUID = "test_shared_fluid.py::test_a_fluid_has_the_bits_of_one[float64]"
+FLUID_IN_USE = "test_shared_fluid.py::test_what_is_done_to_a_fluid_reaches_its_shares"
+BAR = "test_partitions.py::test_a_bar_has_the_bits_of_one[3]"
+
+WORLDS: tuple[Mistake, ...] = (
+    *in_file(
+        "cpu_backend/world/joined.py",
+        WORLD,
+        {
+            "contacts between members begin where the particles are, not where they were (cpu)": ("self._transfers.take(self._bands, before, slots, stride, first, self.before)", "self._transfers.take(self._bands, position, slots, stride, first, self.before)"),
+        },
+    ),
+    *in_file(
+        "cpu_backend/world/joined.py",
+        "test_world_cpu.py::test_tetrahedra_by_vertices_give_what_they_take",
+        {"a member's inertia does not go with what pushed it (cpu)": ("self._transfers.carry(*there, inertial)\n            self._transfers.give(*there)", "self._transfers.give(*there)\n            self._transfers.give(*there)")},
+    ),
+    *in_file(
+        "gpu_backend/world/joined.py",
+        "simulator/test_simulated_bits.py::test_kernels_have_the_bits_of_the_cpu[world-jelly-on-a-block-by-vertices-float32]",
+        {
+            "a member is read from the buffer of the step before (gpu)": ("self._transfers.take[launch](member.position[member._current], indices", "self._transfers.take[launch](member.position[1 - member._current], indices"),
+            "a member's inertia does not go with what pushed it (gpu)": ("self._transfers.carry[launch](*there, member.inertial)", "self._transfers.give[launch](*there)"),
+        },
+    ),
+    *in_file(
+        "gpu_backend/world/solver.py",
+        "simulator/test_simulated_bits.py::test_kernels_have_the_bits_of_the_cpu[world-jelly-on-a-block-by-vertices-float32]",
+        {"contacts between members are projected in the last iteration alone (gpu)": ("member.iterate(iteration)\n            self._project()", "member.iterate(iteration)\n        self._project()")},
+    ),
+    *in_file(
+        "model/world/meeting.py",
+        WORLD,
+        {
+            "members' groups have the same numbers": ('shifted("body", group)', 'whole("body")'),
+            "triangles of later members have the first one's corners": ('shifted("triangles", vertex)', 'whole("triangles")'),
+            "a ball is as thin as a triangle": ("np.where(np.isnan(radius), distance, radius + distance / 2)", "np.where(np.isnan(radius), distance, distance)"),
+        },
+    ),
+    *in_file(
+        "model/world/simulation.py",
+        "test_world_cpu.py::test_a_bad_particle_is_told_by_its_number_in_the_world test_world_cpu.py::test_a_poke_pushes_its_particle_and_the_member_that_it_is_of",
+        {
+            "a poke of a later member pushes another of its particles": ("poked = particle - place.start if", "poked = particle if"),
+            "a diverged particle has its number in its member": ("return self.slices[name].start + bad", "return bad"),
+        },
+    ),
+    *in_file(
+        "model/world/solids.py",
+        "test_wet_worlds.py::test_states_are_the_references",
+        {
+            "pinned vertices are as light for water as others": ("lightness[np.isin(particles, world_set.pinned_vertices)] = 0", "pass"),
+            "a later member's samples are carried by the first one's particles": ("return _Sampled(name, corners[selected] + first,", "return _Sampled(name, corners[selected],"),
+        },
+    ),
+    *in_file(
+        "cpu_backend/fluid/among_solids.py",
+        "test_wet_worlds.py::test_states_are_the_references",
+        {
+            "water does not push back": ("stage.push(bands, coupling)\n            places.give()", "stage.push(bands, coupling)"),
+            "water follows solids from before their sweep": ("places.take(fresh=False)\n            stage.follow", "stage.follow"),
+        },
+    ),
+)  # fmt: skip
+
+DOMAINS: tuple[Mistake, ...] = (
+    *in_file(
+        "model/domains/shared_fluid.py",
+        FLUID,
+        {
+            "what left a slab is owned by two": ("owned[:] = False", "owned[:] = owned"),
+            "a slab's cells begin at its own particles": ("box = self.exchange.largest_each(boxes.max(axis=0))", "box = boxes.max(axis=0)"),
+            "slabs are not sent what came into their halo": ("some = np.flatnonzero(owned & slabs.contained(along, slab))", "some = np.flatnonzero(owned & slabs.owned(along, slab))"),
+        },
+    ),
+    *in_file(
+        "model/domains/slabs.py",
+        FLUID,
+        {"a slab's halo lies on one side": ("along > high + self.halo", "along > high")},
+    ),
+    *in_file(
+        "cpu_backend/domains/fluid.py",
+        FLUID_IN_USE,
+        {
+            "a window that grew runs stages of its old arrays": ("self._snapshot[-1][:] = snapshot[-1]\n        self._executor = Executor(self.plan, self._stages())", "self._snapshot[-1][:] = snapshot[-1]"),
+            "a window that grew lost its snapshot": ("array[plane * self._capacity :][:capacity] = old", "array[plane * capacity :][:capacity] = old"),
+        },
+    ),
+    *in_file(
+        "gpu_backend/domains/fluid.py",
+        "simulator/test_simulated_shared_fluid.py::test_slabs_have_the_bits_of_the_cpu[2-float32]",
+        {
+            "a window on the GPU keeps its number of particles": ("particle[:count], particle[-1] = number, count", "particle[:count], particle[-1] = number, self.particle_count"),
+            "particles that come into a window are of the first fluid (gpu)": ("(self.position[now], values[:axes], fluid),", "(self.position[now], values[:axes], 0.0),"),
+        },
+    ),
+    *in_file(
+        "model/domains/partitioned.py",
+        BAR,
+        {
+            "partitions exchange at the end of a step, not of a substep": ("self._run_each(number, 1)\n            self.exchange.post()\n            self.exchange.wait()", "self._run_each(number, 1)\n        self.exchange.post()\n        self.exchange.wait()"),
+            "rows of partitions are gathered in the order of ranks": ("whole[self.partitions.order] = rows", "whole[:] = rows"),
+        },
+    ),
+    *in_file(
+        "model/domains/partitioned.py",
+        "test_partitions.py::test_a_bad_vertex_is_told_by_its_number_in_the_whole",
+        {"a diverged vertex has its number in its partition": ("else int(part.particles[bad])", "else int(bad)")},
+    ),
+    *in_file(
+        "model/tetrahedra/partitions.py",
+        "test_partitions.py::test_a_bar_of_every_kind_has_the_bits_of_one test_partitions.py::test_vertices_that_sleep_have_the_bits_of_one",
+        {
+            "a halo is walked through colours in their order": ("for colour in reversed(range(one.colours)):", "for colour in range(one.colours):"),
+            "a halo holds what one of several sweeps reads": ("for _ in range(scene.method.iterations):", "for _ in range(1):"),
+            "a partition does not see whether its neighbours sleep": ("needed[near.indices[np.repeat(owned, near.lengths)]] = True", "pass"),
+        },
+    ),
+    *in_file(
+        "model/domains/shared_bodies.py",
+        "test_shared_bodies.py::test_bodies_of_every_kind_have_the_bits_of_one[3] test_shared_bodies.py::test_what_is_done_to_bodies_reaches_their_shares",
+        {
+            "a poke of a later block pushes another of its particles": ("self._poke_particle - block.first_particle if here", "self._poke_particle if here"),
+            "clusters are gathered in the order of blocks": ("whole[self._clusters] = gathered", "whole[:] = gathered"),
+            "a window does not hear of bodies that come and go": ("window.body = some_of(self.body, block.particles)\n            window._weights_changed()", "window._weights_changed()"),
+        },
+    ),
+    *in_file(
+        "model/domains/windows.py",
+        "test_ranks.py::test_float64_and_the_kernel_by_stages",
+        {"windows begin each run at step 0": ("window.step = first\n", "window.step = 0\n")},
+    ),
+    *in_file(
+        "model/core/sharing/decomposition.py",
+        "test_decomposition.py",
+        {"a border is sent to the row above its own": ("lower.first - lower.window_first, lower.first - upper.window_first, up", "lower.first - lower.window_first, lower.first - upper.window_first - 1, up")},
+    ),
+    *in_file(
+        "gpu_backend/domains/units.py",
+        "simulator/test_simulated_shared_bodies.py::test_a_mesh_in_partitions_has_the_bits_of_the_cpu[xpbd-sleeping0-float32]",
+        {"a halo is read from the buffer of the step before (gpu)": ("return self._both[self._window._current]", "return self._both[1 - self._window._current]")},
+    ),
+    *in_file(
+        "gpu_backend/domains/partitions.py",
+        "simulator/test_simulated_shared_bodies.py::test_a_mesh_in_partitions_has_the_bits_of_the_cpu[xpbd-sleeping0-float64]",
+        {"only the first unit of a particle is sent (gpu)": ("(row * places[:, None] + np.arange(row)).ravel()", "(row * places[:, None] + 0 * np.arange(row)).ravel()")},
+    ),
+    *in_file(
+        "gpu_backend/domains/kernels.py",
+        "simulator/test_simulated_domains.py::test_two_windows_have_the_bits_of_the_cpu[lab-flags]",
+        {
+            "an exchange is taken from the half of the one before (gpu)": ("half = np.int32((taken[0] & 1) * 2 * count)", "half = np.int32(((taken[0] + 1) & 1) * 2 * count)"),
+            "a block does not count what it has sent (gpu)": ("sent[block] = number", "sent[block] = sent[block]"),
+        },
+    ),
+)  # fmt: skip
+
+FLUIDS: tuple[Mistake, ...] = (
+    *in_file(
+        "cpu_backend/fluid/flow.py",
+        "test_fluid_flow.py::test_against_the_judge_and_the_same_bits[flat tap]",
+        {
+            "a particle that a nozzle took stays among those that wait (cpu)": ("there[n] = 1\n", "there[n] = 0\n"),
+            "a sink takes the number of a place for that of a particle (cpu)": ("cell[k], there[number[k]] = np.int32(GONE), 0", "cell[k], there[k] = np.int32(GONE), 0"),
+        },
+    ),
+    *in_file(
+        "gpu_backend/fluid/flow_kernels.py",
+        "simulator/test_simulated_fluid.py::test_what_comes_and_goes_has_the_cpus_bits[flat tap-float32]",
+        {"particles that come are written over each other (gpu)": ("place = np.int32(alive + slot + item)", "place = np.int32(alive + slot)")},
+    ),
+    *in_file(
+        "gpu_backend/fluid/sort_kernels.py",
+        "simulator/test_simulated_fluid_cells.py",
+        {
+            "a cell's particles are in the order of falling numbers (gpu)": ("if filled[e] < particle:", "if filled[e] > particle:"),
+            "the grid of cells ends at the highest particle's lowest corner (gpu)": ("hx, hy, hz = max(hx, boxes[at + 3]), max(hy, boxes[at + 4]), max(hz, boxes[at + 5])", "hx, hy, hz = max(hx, boxes[at]), max(hy, boxes[at + 1]), max(hz, boxes[at + 2])"),
+        },
+    ),
+)  # fmt: skip
+
+SHARING = (*WORLDS, *DOMAINS, *FLUIDS)
