@@ -138,7 +138,7 @@ CPU: tuple[Mistake, ...] = (
     *in_file(
         "model/core/own_forces.py",
         "test_bodies_solver.py",
-        {"a body's poke is along x alone": ("parameters.poke_y if poked else zero", "parameters.poke_x if poked else zero")},
+        {"a body's poke is along x alone": ("parameters.poke_y if poked else 0.0", "parameters.poke_x if poked else 0.0")},
     ),
     *in_file(
         "cpu_backend/core/point_stages.py",

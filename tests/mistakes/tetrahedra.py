@@ -116,12 +116,12 @@ NEWTON: tuple[Mistake, ...] = (
     *in_file(
         "model/formulas/elastic/stages.py",
         ORDER_2,
-        {"the second stage begins behind the first one's end": ("return x + (scale * h) * v, v + scale * (v - start)", "return x + (scale * h) * v, v - scale * (v - start)")},
+        {"the second stage begins behind the first one's end": ("return x + (SCALE * h) * v, v + SCALE * (v - start)", "return x + (SCALE * h) * v, v - SCALE * (v - start)")},
     ),
     *in_file(
         "model/formulas/elastic/damper.py",
         ORDER_2,
-        {"a damper of the second stage counts the first one's strain back": ("e[0] - ahead * first[0], e[1]", "e[0] + ahead * first[0], e[1]")},
+        {"a damper of the second stage counts the first one's strain back": ("e[0] - AHEAD * first[0], e[1]", "e[0] + AHEAD * first[0], e[1]")},
     ),
     *in_file(
         "cpu_backend/tetrahedra/newton_steps.py",
