@@ -30,7 +30,7 @@ BACKEND = ("core", "contact", "position_based", FAMILIES, "world domains")
 # Lowest first. Units of one line do not import each other.
 ORDER = {
     "model": (
-        "formulas", "base", "geometry", "assets", "tables", "particles", "scene", "core", "contact",
+        "base", "formulas", "geometry", "assets", "tables", "particles", "scene", "core", "contact",
         "position_based", FAMILIES, "world domains",
     ),
     "cpu_backend": BACKEND,
