@@ -31,7 +31,6 @@ from softlab.model.formulas.lengths import cross, dot, inverse_length, squared_l
 OPERATIONS_ISOMETRIC = 75  # 21 for the vector, 10 for its length, 12 for the change, 9 for the weight, 24 to apply
 OPERATIONS_DIHEDRAL = 170
 
-
 NORMAL = OfPrecision(lambda real: 4 * np.finfo(real).tiny)
 
 

@@ -19,6 +19,7 @@ from softlab.model.base.variant import formula
 # (14) and 3 triangles (150). Field: a mass that is tested twice, and the start of its path: 3 samples (75).
 OPERATIONS = {"plane": 40, "sphere": 60, "capsule": 65, "box": 60, "mesh_collider": 2200, "distance_field": 350}
 OPERATIONS_SLID = 20  # friction on positions
+TOUCHING = 1e-3  # of the squared `radius`: a mass this near to a ball is in contact
 
 
 @formula
@@ -152,7 +153,7 @@ def sphere_entry(ax, ay, az, bx, by, bz, radius):
     outside = (ax * ax + ay * ay) + az * az - radius * radius
     beyond = (ax * bx + ay * by) + az * bz
     inside_end = (bx * bx + by * by) + bz * bz < radius * radius
-    contact = 0.001 * radius * radius
+    contact = TOUCHING * radius * radius
     discriminant = toward * toward - squared * outside
     if (
         outside < -contact

@@ -45,7 +45,6 @@ LOOSEST = 1e-2  # fraction of a residual that conjugate gradients may leave to t
 FORCING = 0.9
 OVERSHOOT = 0.9  # fraction of the slope that may have changed sign at a Newton step's end
 
-
 MOST_LEFT = LOOSEST**2
 LEAST_LEFT = LINEAR_TOLERANCE**2
 TOLERANCE = NEWTON_TOLERANCE**2

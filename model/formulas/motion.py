@@ -16,7 +16,6 @@ from softlab.model.base.variant import formula, real
 SINE_TERMS = tuple((-1) ** k / factorial(2 * k + 1) for k in range(1, 9))
 COSINE_TERMS = tuple((-1) ** k / factorial(2 * k) for k in range(1, 9))
 
-
 WHOLE_TURN = 2 * pi
 
 

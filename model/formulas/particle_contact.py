@@ -26,6 +26,8 @@ OPERATIONS_SEARCH = 9  # a tested particle: the distance's square and its compar
 OPERATIONS_COUNT = 9  # a neighbour
 OPERATIONS_PROJECT = 60  # a contact: two lengths, the normal, friction, three sums
 OPERATIONS_BOUNCE = 2 * 36  # a neighbour: counted and applied, the normal, two speeds along it
+NOWHERE = 1e-6  # of the distance: nearer particles have no direction
+BESIDE = 1.001  # of the distance: particles moved apart to it are nearer or farther by rounding
 
 
 @formula
@@ -63,7 +65,7 @@ def enforced_distance(distance, bx, by, bz, push):
 def direction(dx, dy, dz, distance, first):
     """(length, unit normal). Of two coincident particles the `first` moves down, the other one up."""
     length = sqrt(squared_length_3d(dx, dy, dz))
-    if length > 1e-06 * distance:
+    if length > NOWHERE * distance:
         return length, dx / length, dy / length, dz / length
     return length, 0.0, -1.0 if first else 1.0, 0.0
 
@@ -122,7 +124,7 @@ def moved(position, weight, total):
 @formula
 def touching(squared_distance, distance):
     """True if two particles touch at the substep's end."""
-    limit = 1.001 * distance
+    limit = BESIDE * distance
     return squared_distance < limit * limit
 
 

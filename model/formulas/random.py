@@ -23,7 +23,6 @@ ZERO = np.uint64(0)
 
 OPERATIONS = 110  # integer ones, per mass
 
-
 SCALE = 2.0 ** (-23)
 
 

@@ -50,9 +50,8 @@ REACHED = 16  # |b| of the nearest rotation
 SLACK = 32  # how far H's eigenvalues may be below 0: the rounding of three pivots
 LEAST = 1024  # added to H, so that where A does not determine a rotation, rounding rotates by hundredths at most
 
-
 UNCHANGED_SQUARE = OfPrecision(lambda real: (UNCHANGED * float(np.finfo(real).eps)) ** 2)
-NORMAL = OfPrecision(lambda real: 4 * np.finfo(real).tiny)
+NORMAL = OfPrecision(lambda real: 4 * np.finfo(real).tiny)  # its reciprocal is finite
 LEAST_STIFFNESS = OfPrecision(lambda real: LEAST * float(np.finfo(real).eps))
 LEAST_PIVOT = OfPrecision(lambda real: SLACK * float(np.finfo(real).eps))
 REACHED_SQUARE = OfPrecision(lambda real: (REACHED * float(np.finfo(real).eps)) ** 2)
@@ -185,7 +184,7 @@ def rotation_3d_near(a, q):
     a = normalised(a)
     w, x, y, z = q
     nw, nx, ny, nz = w, x, y, z
-    for _ in range(2 if FEATURE.single else 3):
+    for _ in range(2 if FEATURE.single else 3):  # enough from 30 degrees, for nearly all random matrices
         nw, nx, ny, nz = improved(a, (nw, nx, ny, nz))
     reached = reached_from(a, (nw, nx, ny, nz))
     return nw if reached else w, nx if reached else x, ny if reached else y, nz if reached else z, reached

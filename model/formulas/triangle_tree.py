@@ -32,7 +32,6 @@ NEAR = (
 )  # of the thickness: below it the direction to the nearest point is mostly rounding, and its triangle's normal is used
 SLACK = 8  # eps: rounding error of the product of an edge that a path hits
 
-
 WIDENED = OfPrecision(lambda real: SLACK * float(np.finfo(real).eps))
 
 

@@ -28,7 +28,7 @@ OPERATIONS = 36 + 69 + 99 + 45 + 33 + 24  # 1 - S, H + alpha~, Z, R Z, corners, 
 OPERATIONS_DAMPER = 36 + 30 + 18 + 6  # besides a rotation: F at the start, S0, their contribution, 1 + gamma
 OPERATIONS_SOFT = 45 + 16 + 49 + 9  # R'Y, its contribution, the skew part of Z, the new multipliers
 
-
+# the smallest R:D: below it a quotient may be infinite
 LEAST = OfPrecision(lambda real: np.finfo(real).tiny / np.finfo(real).eps)
 UNITS = OfPrecision(lambda real: 64 * np.finfo(real).eps)
 

@@ -38,7 +38,6 @@ OPERATIONS_SOFT = 3 * OPERATIONS_COMBINED  # multipliers: two reads, one write
 # 5
 OPERATIONS_DAMPER = 36 + 60 + 6 + 45 + OPERATIONS_COMBINED + 17 + 66 + 12 + 30 + 12 + 5
 
-
 LEAST = OfPrecision(lambda real: np.finfo(real).tiny / np.finfo(real).eps)
 
 

@@ -18,7 +18,6 @@ from softlab.model.formulas.lengths import cross
 
 LOST = 64  # rounding units: a pivot below so many times its row's entry is rounding, and its motion is omitted
 
-
 LEAST_PIVOT = OfPrecision(lambda real: LOST * float(np.finfo(real).eps))
 
 

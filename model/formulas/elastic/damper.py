@@ -29,7 +29,6 @@ from softlab.model.formulas.lengths import dot
 OPERATIONS = 9 + 3 * 5 + 3 * 11 + 20 + 45 + 9  # F of the displacement, the strain, D and N, F N, the sum with P
 OPERATIONS_BLOCK = 18 + 30 + 6 * 12  # one of six blocks: F times two rows of B is counted with each of them
 
-
 AHEAD = sqrt(2)
 
 

@@ -37,7 +37,6 @@ OPERATIONS_ROTATION = {size: 60 + 25 + OPERATIONS_MATRIX + near for size, near i
 MIN_PERPENDICULAR = 1e-3  # fraction of a second column's square that must be perpendicular to the first one
 FOUR_UNITS = 4  # times the smallest normal number, as in rotation.py
 
-
 LEAST = OfPrecision(lambda real: FOUR_UNITS * np.finfo(real).tiny)
 
 

@@ -22,7 +22,6 @@ SMALLEST = 1e3  # times the root of the smallest normal number: squares of short
 ASIDE = 16.0  # trial sliding speed over approach speed that finds mu: more than any coefficient
 OPERATIONS = 110  # without those of the colliders
 
-
 LEAST = OfPrecision(lambda real: SMALLEST * np.sqrt(np.finfo(real).tiny))
 
 

@@ -20,7 +20,6 @@ from softlab.model.base.variant import formula
 STAGE = 1 - 1 / sqrt(2)  # of the substep, which each of two stages takes
 OPERATIONS_AHEAD = 3 * (3 + 3)
 
-
 SCALE = sqrt(2)
 
 

@@ -36,7 +36,6 @@ OPERATIONS_STRESS = (
 OPERATIONS_BLOCK = 24 + 2 * 45
 OPERATIONS_MODULI = 90
 
-
 LARGEST = OfPrecision(lambda real: float(np.finfo(real).eps) ** (-2))
 
 

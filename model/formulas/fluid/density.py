@@ -28,6 +28,8 @@ OPERATIONS_FIND = 9  # a tested particle: the distance's square and its comparis
 OPERATIONS_DENSITY = 15  # a neighbour: the distance, the kernel, the sum
 OPERATIONS_FACTORS = 26  # a neighbour: a root and a quotient among them
 OPERATIONS_CORRECT = 24  # a neighbour
+SMALLEST = 1e-30  # m^2; its inverse length is finite in any math
+NOWHERE = 1e-4  # of the support: nearer particles count as coincident
 
 
 @formula
@@ -108,7 +110,7 @@ def within(squared_distance, support):
 def apart(dy, squared_distance, support, first):
     """Second component of d [m]. Coincident particles get a vertical distance, negative for the `first` of the two
     in the arrays, so that their direction of separation is defined."""
-    short = 0.0001 * support
+    short = NOWHERE * support
     if squared_distance < short * short:
         return -short if first else short
     return dy
@@ -123,7 +125,7 @@ def near(squared_distance, inverse_support):
 @formula
 def closeness(squared_distance, inverse_support):
     """1 - q, 0 beyond the support."""
-    inverse = inverse_length(max(squared_distance, 1e-30))
+    inverse = inverse_length(max(squared_distance, SMALLEST))
     return max(1.0 - (squared_distance * inverse) * inverse_support, 0.0)
 
 

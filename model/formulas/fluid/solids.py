@@ -19,6 +19,7 @@ from softlab.model.base.variant import formula
 OPERATIONS_DENSITY = 15  # a neighbour
 OPERATIONS_FACTORS = 37
 OPERATIONS_CORRECT = 45
+LEAST = 1e-6  # of two weights together, so that their quotient is finite
 
 
 @formula
@@ -52,7 +53,7 @@ def rub(t, viscosity, other_viscosity, weight, other_weight, grip, other_grip):
 
     It is that of XSPH with the fluid's viscosity, as if the fluid stuck to the solid, and 0 for any other pair.
     """
-    mean = (viscosity + other_viscosity) * (2.0 / max(weight + other_weight, 1e-06))
+    mean = (viscosity + other_viscosity) * (2.0 / max(weight + other_weight, LEAST))
     return (mean * (grip + other_grip)) * ((t * t) * t)
 
 

@@ -35,7 +35,6 @@ OPERATIONS_MEMBER = 6 + 6 + 18  # of an entry
 OPERATIONS_SPIN = 12 * 15 + 80  # of a cluster
 OPERATIONS_TURN = 15  # of an entry
 
-
 HUGE = OfPrecision(lambda real: np.finfo(real).max)
 
 

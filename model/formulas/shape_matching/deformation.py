@@ -30,9 +30,8 @@ OPERATIONS_PLASTIC = 92 + 45 + 45 + 215  # `undone`, moments, goals, creep
 
 SMALLEST, LARGEST = 1e-12, 1e12  # volumes between which the cube root is accurate to rounding
 
-
 FULLER = 1 / MIN_VOLUME
-LEAST = OfPrecision(lambda real: 64 * np.finfo(real).eps)
+LEAST = OfPrecision(lambda real: 64 * np.finfo(real).eps)  # smallest volume that is not rounding
 
 
 @formula

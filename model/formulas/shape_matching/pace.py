@@ -23,7 +23,6 @@ OPERATIONS_MOTION = 15 * 15 + 90  # of a cluster
 OPERATIONS_SLOWED = 30  # of an entry
 LEAST = 1024  # eps: the smallest pivot of I over its trace, so that rounding rotates nothing that lies along a line
 
-
 TINY = OfPrecision(lambda real: 4 * np.finfo(real).tiny)
 LEAST_PIVOT = OfPrecision(lambda real: LEAST * float(np.finfo(real).eps))
 

@@ -28,7 +28,6 @@ OPERATIONS_PREDICT = 1  # per axis
 OPERATIONS_RATE = 1  # per axis
 ROUNDINGS = 2  # of a coordinate, in its last digits: of a goal and of a centre
 
-
 LAST_DIGIT = OfPrecision(lambda real: ROUNDINGS * float(np.finfo(real).eps))
 
 
