@@ -28,7 +28,8 @@ from softlab.model.formulas.elastic import deformation
 from softlab.model.formulas.elastic.deformation import cofactor, determinant
 from softlab.model.formulas.lengths import dot
 
-SWEEPS = {4: 4, 8: 6}  # of Jacobi's method over a 3 x 3 matrix, by the bytes of a number: it converges quadratically
+SWEEPS_32, SWEEPS_64 = 4, 6
+SWEEPS = {4: SWEEPS_32, 8: SWEEPS_64}  # of Jacobi's method over a 3 x 3 matrix, by the bytes of a number: it converges quadratically
 FLATTEST = 0.05  # smallest s_i + s_j of a twist: below it the corner is inverted, where R jumps
 OPERATIONS_STRESS = (
     deformation.OPERATIONS_GRADIENT + deformation.OPERATIONS_COFACTOR + 60 + deformation.OPERATIONS_CORNERS
@@ -226,7 +227,7 @@ def rotated(c, s, p, q):
 def axes(xx, xy, xz, yy, yz, zz):
     """(eigenvalues in no order, V by rows: its columns are the eigenvectors), by Jacobi's method."""
     a, b, c, d, e, f, g, h, i = 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0
-    for _ in range(SWEEPS[4] if FEATURE.single else SWEEPS[8]):
+    for _ in range(SWEEPS_32 if FEATURE.single else SWEEPS_64):
         if (xy == 0.0) & (xz == 0.0) & (yz == 0.0):
             break
         k, s, t = turn(xx, xy, yy)
