@@ -170,7 +170,11 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         action="store_true",
         help="every test and every variant; what runs without it, and all that is dear, with compiled kernels",
     )
-    parser.addoption("--rest", action="store_true", help="of --thorough what does not run without it")
+    parser.addoption(
+        "--rest",
+        action="store_true",
+        help="of --thorough what does not run without it, in variants that show every pair of parameter values",
+    )
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
