@@ -46,7 +46,7 @@ WORLDS: tuple[Mistake, ...] = (
     ),
     *in_file(
         "model/world/simulation.py",
-        "test_world_cpu.py::test_a_bad_particle_is_told_by_its_number_in_the_world test_world_cpu.py::test_a_poke_pushes_its_particle_and_the_member_that_it_is_of",
+        "test_world_cpu.py::test_a_poke_pushes_its_particle_and_the_member_that_it_is_of[tetrahedra] test_world_cpu.py::test_a_bad_particle_is_told_by_its_number_in_the_world",
         {
             "a poke of a later member pushes another of its particles": ("poked = particle - place.start if", "poked = particle if"),
             "a diverged particle has its number in its member": ("return self.slices[name].start + bad", "return bad"),
