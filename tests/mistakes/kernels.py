@@ -267,7 +267,7 @@ GPU: tuple[Mistake, ...] = (
     ),
     *in_file(
         "model/formulas/integrators.py",
-        "test_ptx.py::test_float32_passes_hold_no_double_and_spill_nothing test_float32_leaks.py",
+        "test_float32_leaks.py",
         {"a constant of float64 in a float32 step": ("return position + new_velocity * dt, new_velocity", "return position + float(1) * new_velocity * dt, new_velocity")},
     ),
     *in_file(

@@ -6,7 +6,6 @@ from .mistake import Mistake, in_file
 
 WORLD = "test_world_cpu.py::test_states_are_the_references"
 FLUID = "test_shared_fluid.py::test_a_fluid_has_the_bits_of_one[float64]"
-FLUID_IN_USE = "test_shared_fluid.py::test_what_is_done_to_a_fluid_reaches_its_shares"
 BAR = "test_partitions.py::test_a_bar_has_the_bits_of_one[3]"
 
 WORLDS: tuple[Mistake, ...] = (
@@ -16,11 +15,6 @@ WORLDS: tuple[Mistake, ...] = (
         {
             "contacts between members begin where the particles are, not where they were (cpu)": ("self._transfers.take(self._bands, before, slots, stride, first, self.before)", "self._transfers.take(self._bands, position, slots, stride, first, self.before)"),
         },
-    ),
-    *in_file(
-        "cpu_backend/world/joined.py",
-        "test_world_cpu.py::test_tetrahedra_by_vertices_give_what_they_take",
-        {"a member's inertia does not go with what pushed it (cpu)": ("self._transfers.carry(*there, inertial)\n            self._transfers.give(*there)", "self._transfers.give(*there)\n            self._transfers.give(*there)")},
     ),
     *in_file(
         "gpu_backend/world/joined.py",
@@ -46,26 +40,10 @@ WORLDS: tuple[Mistake, ...] = (
     ),
     *in_file(
         "model/world/simulation.py",
-        "test_world_cpu.py::test_a_bad_particle_is_told_by_its_number_in_the_world test_world_cpu.py::test_a_poke_pushes_its_particle_and_the_member_that_it_is_of",
+        "test_world_cpu.py::test_a_poke_pushes_its_particle_and_the_member_that_it_is_of[tetrahedra] test_world_cpu.py::test_a_bad_particle_is_told_by_its_number_in_the_world",
         {
             "a poke of a later member pushes another of its particles": ("poked = particle - place.start if", "poked = particle if"),
             "a diverged particle has its number in its member": ("return self.slices[name].start + bad", "return bad"),
-        },
-    ),
-    *in_file(
-        "model/world/solids.py",
-        "test_wet_worlds.py::test_states_are_the_references",
-        {
-            "pinned vertices are as light for water as others": ("lightness[np.isin(particles, world_set.pinned_vertices)] = 0", "pass"),
-            "a later member's samples are carried by the first one's particles": ("return _Sampled(name, corners[selected] + first,", "return _Sampled(name, corners[selected],"),
-        },
-    ),
-    *in_file(
-        "cpu_backend/fluid/among_solids.py",
-        "test_wet_worlds.py::test_states_are_the_references",
-        {
-            "water does not push back": ("stage.push(bands, coupling)\n            places.give()", "stage.push(bands, coupling)"),
-            "water follows solids from before their sweep": ("places.take(fresh=False)\n            stage.follow", "stage.follow"),
         },
     ),
 )  # fmt: skip
@@ -76,29 +54,7 @@ DOMAINS: tuple[Mistake, ...] = (
         FLUID,
         {
             "what left a slab is owned by two": ("owned[:] = False", "owned[:] = owned"),
-            "a slab's cells begin at its own particles": ("box = self.exchange.largest_each(boxes.max(axis=0))", "box = boxes.max(axis=0)"),
             "slabs are not sent what came into their halo": ("some = np.flatnonzero(owned & slabs.contained(along, slab))", "some = np.flatnonzero(owned & slabs.owned(along, slab))"),
-        },
-    ),
-    *in_file(
-        "model/domains/slabs.py",
-        FLUID,
-        {"a slab's halo lies on one side": ("along > high + self.halo", "along > high")},
-    ),
-    *in_file(
-        "cpu_backend/domains/fluid.py",
-        FLUID_IN_USE,
-        {
-            "a window that grew runs stages of its old arrays": ("self._snapshot[-1][:] = snapshot[-1]\n        self._executor = Executor(self.plan, self._stages())", "self._snapshot[-1][:] = snapshot[-1]"),
-            "a window that grew lost its snapshot": ("array[plane * self._capacity :][:capacity] = old", "array[plane * capacity :][:capacity] = old"),
-        },
-    ),
-    *in_file(
-        "gpu_backend/domains/fluid.py",
-        "simulator/test_simulated_shared_fluid.py::test_slabs_have_the_bits_of_the_cpu[2-float32]",
-        {
-            "a window on the GPU keeps its number of particles": ("particle[:count], particle[-1] = number, count", "particle[:count], particle[-1] = number, self.particle_count"),
-            "particles that come into a window are of the first fluid (gpu)": ("(self.position[now], values[:axes], fluid),", "(self.position[now], values[:axes], 0.0),"),
         },
     ),
     *in_file(
@@ -106,7 +62,6 @@ DOMAINS: tuple[Mistake, ...] = (
         BAR,
         {
             "partitions exchange at the end of a step, not of a substep": ("self._run_each(number, 1)\n            self.exchange.post()\n            self.exchange.wait()", "self._run_each(number, 1)\n        self.exchange.post()\n        self.exchange.wait()"),
-            "rows of partitions are gathered in the order of ranks": ("whole[self.partitions.order] = rows", "whole[:] = rows"),
         },
     ),
     *in_file(
@@ -115,21 +70,10 @@ DOMAINS: tuple[Mistake, ...] = (
         {"a diverged vertex has its number in its partition": ("else int(part.particles[bad])", "else int(bad)")},
     ),
     *in_file(
-        "model/tetrahedra/partitions.py",
-        "test_partitions.py::test_a_bar_of_every_kind_has_the_bits_of_one test_partitions.py::test_vertices_that_sleep_have_the_bits_of_one",
-        {
-            "a halo is walked through colours in their order": ("for colour in reversed(range(one.colours)):", "for colour in range(one.colours):"),
-            "a halo holds what one of several sweeps reads": ("for _ in range(scene.method.iterations):", "for _ in range(1):"),
-            "a partition does not see whether its neighbours sleep": ("needed[near.indices[np.repeat(owned, near.lengths)]] = True", "pass"),
-        },
-    ),
-    *in_file(
         "model/domains/shared_bodies.py",
         "test_shared_bodies.py::test_bodies_of_every_kind_have_the_bits_of_one[3] test_shared_bodies.py::test_what_is_done_to_bodies_reaches_their_shares",
         {
-            "a poke of a later block pushes another of its particles": ("self._poke_particle - block.first_particle if here", "self._poke_particle if here"),
             "clusters are gathered in the order of blocks": ("whole[self._clusters] = gathered", "whole[:] = gathered"),
-            "a window does not hear of bodies that come and go": ("window.body = some_of(self.body, block.particles)\n            window._weights_changed()", "window._weights_changed()"),
         },
     ),
     *in_file(
@@ -162,28 +106,4 @@ DOMAINS: tuple[Mistake, ...] = (
     ),
 )  # fmt: skip
 
-FLUIDS: tuple[Mistake, ...] = (
-    *in_file(
-        "cpu_backend/fluid/flow.py",
-        "test_fluid_flow.py::test_against_the_judge_and_the_same_bits[flat tap]",
-        {
-            "a particle that a nozzle took stays among those that wait (cpu)": ("there[n] = 1\n", "there[n] = 0\n"),
-            "a sink takes the number of a place for that of a particle (cpu)": ("cell[k], there[number[k]] = np.int32(GONE), 0", "cell[k], there[k] = np.int32(GONE), 0"),
-        },
-    ),
-    *in_file(
-        "gpu_backend/fluid/flow_kernels.py",
-        "simulator/test_simulated_fluid.py::test_what_comes_and_goes_has_the_cpus_bits[flat tap-float32]",
-        {"particles that come are written over each other (gpu)": ("place = np.int32(alive + slot + item)", "place = np.int32(alive + slot)")},
-    ),
-    *in_file(
-        "gpu_backend/fluid/sort_kernels.py",
-        "simulator/test_simulated_fluid_cells.py",
-        {
-            "a cell's particles are in the order of falling numbers (gpu)": ("if filled[e] < particle:", "if filled[e] > particle:"),
-            "the grid of cells ends at the highest particle's lowest corner (gpu)": ("hx, hy, hz = max(hx, boxes[at + 3]), max(hy, boxes[at + 4]), max(hz, boxes[at + 5])", "hx, hy, hz = max(hx, boxes[at]), max(hy, boxes[at + 1]), max(hz, boxes[at + 2])"),
-        },
-    ),
-)  # fmt: skip
-
-SHARING = (*WORLDS, *DOMAINS, *FLUIDS)
+SHARING = (*WORLDS, *DOMAINS)
