@@ -7,6 +7,7 @@ import inspect
 from collections.abc import Callable, Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
+from types import GenericAlias
 from typing import Annotated, Any
 
 import typer
@@ -69,7 +70,7 @@ def _argument(option: Option) -> str:
 
 def _annotated(option: Option) -> Any:
     """Return the type of an option's parameter, with the words of its help."""
-    kind: Any = bool if option.type is bool else list[option.type] | None  # type: ignore[name-defined]
+    kind: Any = bool if option.type is bool else GenericAlias(list, (option.type,)) | None
     return Annotated[kind, typer.Option(option.flag, help=option.help)]
 
 
@@ -104,7 +105,7 @@ def command_function(declared: Sequence[Experiment]) -> Callable[..., None]:
     if PRECISION in options.values():
         parameters[_argument(PRECISION)] = _annotated(PRECISION), None
     parameters[STORE] = StorePath, DEFAULT_STORE
-    run.__signature__ = inspect.Signature([  # type: ignore[attr-defined]
+    run.__dict__["__signature__"] = inspect.Signature([
         inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
         for name, (annotation, default) in parameters.items()
     ])  # fmt: skip

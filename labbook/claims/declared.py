@@ -26,5 +26,5 @@ def by_backend(select: Callable[[Source, str], Selected], sentence: Sentence) ->
 
 def claims_of(experiment: Experiment) -> Claims:
     """Return the claims of an experiment by name."""
-    select = timed(experiment.rows)  # type: ignore[arg-type]
+    select = timed(experiment.rows)
     return {name: by_backend(select, sentence) for name, sentence in experiment.sentences.items()}

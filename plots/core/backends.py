@@ -38,7 +38,7 @@ def on_backends(results: Results, select: Callable[[Source, str], Selection]) ->
     return chosen
 
 
-def timed(points: Callable[[Iterable[Measure]], list[Point]]) -> Callable[[Source, str], list[Point]]:
+def timed(points: Callable[[Iterable[Measure]], Sequence[Point]]) -> Callable[[Source, str], list[Point]]:
     """Make the function that returns the `points` of a machine's measures on a backend in float32."""
     return lambda source, backend: [
         p for p in points(source.measures) if (p.backend, p.precision) == (backend, PRECISION)

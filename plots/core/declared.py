@@ -13,7 +13,7 @@ from softlab.plots.core.style import Drawing, legend_below, log_axes, new_figure
 
 def panels(experiment: Experiment, results: Results) -> list[tuple[str, Source, list[Any]]]:
     """Return (backend, machine, rows) of the backends that were timed."""
-    return on_backends(results, timed(experiment.rows))  # type: ignore[arg-type]
+    return on_backends(results, timed(experiment.rows))
 
 
 def draw(experiment: Experiment, results: Results) -> Drawing | str:

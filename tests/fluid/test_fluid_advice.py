@@ -11,7 +11,7 @@ import pytest
 from fluid_scenes import column_scene
 from rich.console import Console
 
-from softlab.bench.experiments.advise import fluids, fluids_ablation
+from softlab.bench.experiments.advise import budgets, fluids, fluids_ablation
 from softlab.bench.experiments.advise.answer import measure_advice
 from softlab.bench.experiments.advise.fluids import LADDER, _Search, advise_fluids
 from softlab.bench.experiments.advise.fluids_ablation import (
@@ -39,7 +39,7 @@ HOW: dict[str, Any] = {"backends": ["cpu"], "progress": False}
 @pytest.fixture
 def brief(monkeypatch: pytest.MonkeyPatch) -> None:
     """Short samples."""
-    for module in (fluids, fluids_ablation):
+    for module in (budgets, fluids_ablation):
         monkeypatch.setattr(module, "QUICK", Effort(2, 1e-3, 0.01))
 
 

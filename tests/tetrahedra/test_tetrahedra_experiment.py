@@ -72,13 +72,12 @@ def store(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Store]:
     """The shortest bar, really measured on this CPU with few substeps."""
     with Store(tmp_path_factory.mktemp("tetrahedra") / "results.sqlite") as opened:
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(tetrahedra, "SECTIONS", (1, 1))
-            patch.setattr(tetrahedra, "MODULI", (1e6,))
             patch.setattr(tetrahedra, "SOLVERS_OF_TETRAHEDRA", ("xpbd",))  # the others have tests of their own
             patch.setattr(tetrahedra, "FRAMES", 90)
             few = {name: some[:1] for name, some in tetrahedra.QUICK_SETTINGS.items()}
             patch.setattr(tetrahedra, "QUICK_SETTINGS", few)
-            summary = Tetrahedra()(opened, quick=True, backends=["cpu"], precisions=["float64"], progress=False)
+            bar = {"across": [1], "young": [1e6], "precisions": ["float64"]}
+            summary = Tetrahedra()(opened, quick=True, backends=["cpu"], progress=False, **bar)
         assert summary.measured == 1
         yield opened
 
@@ -253,12 +252,11 @@ def test_the_fastest_is_near_and_moves() -> None:
 def test_what_takes_too_long_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of a setting whose motion would take too long nothing is timed; the group is done all the same."""
     monkeypatch.setattr(tetrahedra, "LONGEST", 1e-9)
-    monkeypatch.setattr(tetrahedra, "MODULI", (1e7,))
-    monkeypatch.setattr(tetrahedra, "SECTIONS", (1, 1))
     monkeypatch.setattr(tetrahedra, "QUICK_SETTINGS", dict.fromkeys(tetrahedra.SETTINGS, ()) | {"xpbd": ((4, 1),)})
     with Store(":memory:") as opened:
+        bar = {"across": [1], "young": [1e7], "precisions": ["float64"]}
         for held in (0, 1):
-            summary = Tetrahedra()(opened, quick=True, backends=["cpu"], precisions=["float64"], progress=False)
+            summary = Tetrahedra()(opened, quick=True, backends=["cpu"], progress=False, **bar)
             assert (summary.measured, summary.stored) == (1 - held, held)
         reasons = {m.name: m.reason or "" for m in measures(opened)}
         assert "would take" in reasons[MOTION_ERROR] and "would take" in reasons[SOLVER_ERROR]

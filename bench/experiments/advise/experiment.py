@@ -67,6 +67,7 @@ def advise(
     take too long, constraints without a force law), BackendUnavailable, InputError (the store). A chaotic motion, and
     an error that nothing reaches, are answers with a reason in `why`.
     """
+    begin = clock.perf_counter()
     end = END if time is None else time
     _check(scene, error, end, total_seconds)
     chosen, summary = backends_here(backends), Summary.begun(store, "advise")
@@ -76,14 +77,14 @@ def advise(
         growth = growth_of(motion, end, references(store))
         advice = Advice(scene, error, end, growth.factor, machine=summary.machine)
         if growth.chaotic:
-            return replace(advice, why=_chaos(growth), seconds=clock.perf_counter() - summary.begin)
+            return replace(advice, why=_chaos(growth), seconds=clock.perf_counter() - begin)
         bar.update(row, description="converged reference")
         right = converged_of(motion, end, references(store))
         if not right.estimate * RESOLVED <= error * scene.grid.spacing:
             off = right.estimate / scene.grid.spacing
             why = f"the reference itself is only accurate to {off:.1e} spacings; ask for a larger --error"
-            return replace(advice, why=why, seconds=clock.perf_counter() - summary.begin)
-        run, deadline = summary.start(store, command), summary.begin + total_seconds
+            return replace(advice, why=why, seconds=clock.perf_counter() - begin)
+        run, deadline = summary.start(store, command), begin + total_seconds
         search = Search(store, Task(scene, error, end, growth, right, summary.machine, run, deadline))
         kinds = [
             Kind(name, precision, backend, iterations)
@@ -104,7 +105,7 @@ def advise(
         notes.append("the reference was computed by the lab's own rk4 in float64, since NumPy would have taken minutes")
     return replace(
         advice, choices=tuple(choices), beaten=tuple(search.beaten), why=None if choices else search.failure(),
-        notes=tuple(notes), seconds=clock.perf_counter() - summary.begin,
+        notes=tuple(notes), seconds=clock.perf_counter() - begin,
     )  # fmt: skip
 
 
