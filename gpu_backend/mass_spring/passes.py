@@ -31,7 +31,7 @@ class SheetPasses(CudaSimulation):
     def _constants(self, number: int) -> Arguments:
         """Return the arguments of a pass besides the buffers; `number`: its number after the step counter."""
 
-    def states(self) -> tuple[Any, Any, Any, Any]:
+    def states(self) -> tuple[Any, ...]:
         """Return position and velocity of the current buffer, then those of the other one."""
         source, target = self._current, 1 - self._current
         return self.position[source], self.velocity[source], self.position[target], self.velocity[target]

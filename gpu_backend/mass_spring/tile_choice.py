@@ -8,15 +8,18 @@ from softlab.gpu_backend.core.tiling import Tile, parsed_tile
 
 
 def measured_tiles(
-    table: Mapping[str, Mapping[int, float]], processors: int, blocks_of: Callable[[Tile], int]
+    table: Mapping[str, Mapping[int, float]],
+    processors: int,
+    blocks_of: Callable[[Tile], int],
+    fits: Callable[[Tile], bool],
 ) -> list[tuple[Tile, float | None]]:
     """Return (tile, us per step if measured) of a table's tiles that fit a sheet. `table`: times by the blocks that
-    share a multiprocessor; `blocks_of(tile)`: blocks over the sheet, 0 if the tile does not fit."""
+    share a multiprocessor; `blocks_of(tile)`: blocks over the sheet."""
     tiles: list[tuple[Tile, float | None]] = []
     for name, by_blocks in table.items():
         tile = parsed_tile(name)
-        if blocks := blocks_of(tile):
-            each = -(-blocks // processors)
+        if fits(tile):
+            each = -(-blocks_of(tile) // processors)
             tiles.append((tile, min((time for count, time in by_blocks.items() if count >= each), default=None)))
     return tiles
 

@@ -80,12 +80,12 @@ def cloth_tiles_of(
     rows: int, columns: int, real: Any, parts: frozenset[str], limits: tuple[int, int] | None = None
 ) -> list[tuple[Tile, float | None]]:
     """Return (tile, us per step if measured) of the table's tiles that fit the sheet."""
-
-    def blocks(tile: Tile) -> int:
-        reason = why_no_cloth_tile(rows, columns, real, tile, parts, limits)
-        return 0 if reason else prod(cloth_blocks(rows, columns, tile, parts))
-
-    return measured_tiles(RESIDENT[real], (limits or device_limits())[0], blocks)
+    return measured_tiles(
+        RESIDENT[real],
+        (limits or device_limits())[0],
+        lambda tile: prod(cloth_blocks(rows, columns, tile, parts)),
+        lambda tile: not why_no_cloth_tile(rows, columns, real, tile, parts, limits),
+    )
 
 
 def choose_cloth(

@@ -76,12 +76,12 @@ def _times(
     if not why_no_block(tile, shared_bytes(real, tile), most_shared):
         least, thousand = ONE_BLOCK[real]
         times["one-block", tile] = least + 1e-3 * tile.masses * thousand
-
-    def blocks(tile: Tile) -> int:
-        reason = why_no_tile("resident", rows, columns, real, tile, limits)
-        return 0 if reason else prod(blocks_of(rows, columns, tile))
-
-    candidates = measured_tiles(RESIDENT[real], processors, blocks)
+    candidates = measured_tiles(
+        RESIDENT[real],
+        processors,
+        lambda tile: prod(blocks_of(rows, columns, tile)),
+        lambda tile: not why_no_tile("resident", rows, columns, real, tile, limits),
+    )
     times |= {("resident", tile): time for tile, time in candidates if time is not None}
     name, launch, million = TILES[real]
     tile = parsed_tile(name)

@@ -31,27 +31,19 @@ def read_gmsh(data: bytes) -> Elements:
     if version not in VERSIONS:
         raise InputError(f"it is of version {version[:20]}; export it as 2.2 or 4.1 (in gmsh: Mesh.MshFileVersion)")
     if kind == "0":
-        return _text(plain(data).decode("latin-1"), version == "4.1")
+        text = plain(data).decode("latin-1")
+        return _blocks(_Text(text)) if version == "4.1" else _lines(text)
     if size != "8":
         raise InputError(f"its numbers have {size} bytes, not 8; export it again")
     one = data[head.end() : head.end() + 4]
     if one not in (b"\1\0\0\0", b"\0\0\0\1"):
         raise InputError("it says that it is binary, and it is not, or it is damaged; export it again")
-    order = "<" if one[0] else ">"
-    sections = [_after(data, name) for name in (b"$Nodes", b"$Elements")]
-    reader = _Binary(data, order)
-    return reader.modern(*sections) if version == "4.1" else reader.old(*sections)
-
-
-def _after(data: bytes, name: bytes) -> int:
-    match = re.search(re.escape(name) + rb"[ \t\r]*\n", data)
-    if match is None:
-        raise InputError(f"it has no {name.decode()}: cut short; export it again")
-    return match.end()
+    reader = _Binary(data, "<" if one[0] else ">")
+    return _blocks(reader) if version == "4.1" else reader.lines()
 
 
 def _sorted(name: np.ndarray, position: np.ndarray, blocks: list[tuple[int, np.ndarray]]) -> Elements:
-    """Sort the elements in `blocks` of (type, nodes (n, k)) by type."""
+    """`blocks`: (type, nodes (n, k)) of elements."""
     taken = []
     for kinds, corners in ((TRIANGLES, 3), (QUADS, 4), (TETRAHEDRA, 4)):
         rows = [nodes[:, :corners] for kind, nodes in blocks if kind in kinds]
@@ -64,52 +56,61 @@ def _check_kind(kind: int) -> None:
         raise InputError(f"its elements of type {kind} are not supported; export triangles or tetrahedra alone")
 
 
-# ---------------------------------------------------------------------- text
+# ---------------------------------------------------------------------- version 4.1
 
 
-def _text(text: str, modern: bool) -> Elements:
-    words = Words(text)
-    if not words.upto("$Nodes"):
-        raise InputError("it has no $Nodes: cut short; export it again")
-    if modern:
-        name, position = _node_blocks(words)
-    else:
-        (count,) = words.counts(1, "nodes")
-        rows = words.real(4 * count, "vertices").reshape(count, 4)
-        name, position = rows[:, 0].astype(np.int64), rows[:, 1:]
-    if not words.upto("$Elements"):
-        raise InputError("it has no $Elements: cut short; export it again")
-    return _sorted(name, position, _element_blocks(words) if modern else _element_lines(text))
-
-
-def _node_blocks(words: Words) -> tuple[np.ndarray, np.ndarray]:
+def _blocks(source: _Text | _Binary) -> Elements:
+    """Version 4.1: blocks of nodes, and of elements of one type each."""
+    source.section("$Nodes")
     names, places = [np.zeros(0, dtype=np.int64)], [np.zeros((0, 3))]
-    blocks, total, _, _ = words.counts(4, "nodes")
+    blocks, total, _, _ = source.sizes(4, "nodes")
     for _ in range(blocks):
-        dimension, _, parametric, count = words.counts(4, "nodes")
+        dimension, _, parametric = source.ints(3, "nodes")
+        (count,) = source.sizes(1, "nodes")
         width = 3 + (dimension if parametric else 0)
-        names.append(words.whole(count, "nodes"))
-        places.append(words.real(count * width, "nodes").reshape(count, width)[:, :3])
+        names.append(source.tags(count, "nodes"))
+        places.append(source.real(count * width, "nodes").reshape(count, width)[:, :3])
     name = np.concatenate(names)
     if len(name) != total:
         raise InputError(f"{total} nodes promised, {len(name)} found: cut short or damaged; export it again")
-    return name, np.concatenate(places)
-
-
-def _element_blocks(words: Words) -> list[tuple[int, np.ndarray]]:
-    """Version 4.1: blocks of one type each."""
+    source.section("$Elements")
     elements = []
-    blocks, _, _, _ = words.counts(4, "elements")
-    for _ in range(blocks):
-        _, _, kind, count = words.counts(4, "elements")
+    for _ in range(source.sizes(4, "elements")[0]):
+        _, _, kind = source.ints(3, "elements")
+        (count,) = source.sizes(1, "elements")
         _check_kind(kind)
         width = 1 + NODES[kind]
-        elements.append((kind, words.whole(count * width, "elements").reshape(count, width)[:, 1:]))
-    return elements
+        elements.append((kind, source.tags(count * width, "elements").reshape(count, width)[:, 1:]))
+    return _sorted(name, np.concatenate(places), elements)
+
+
+# ---------------------------------------------------------------------- text
+
+
+class _Text(Words):
+    """The words of a text: whole numbers of every size are written alike."""
+
+    def section(self, name: str) -> None:
+        """Go behind the line `name`. Raises InputError."""
+        if not self.upto(name):
+            raise InputError(f"it has no {name}: cut short; export it again")
+
+    ints = sizes = Words.counts
+    tags = Words.whole
+
+
+def _lines(text: str) -> Elements:
+    """Read version 2.2."""
+    words = _Text(text)
+    words.section("$Nodes")
+    (count,) = words.counts(1, "nodes")
+    rows = words.real(4 * count, "vertices").reshape(count, 4)
+    words.section("$Elements")
+    return _sorted(rows[:, 0].astype(np.int64), rows[:, 1:], _element_lines(text))
 
 
 def _element_lines(text: str) -> list[tuple[int, np.ndarray]]:
-    """Version 2.2, a line each: number, type, how many tags, tags, nodes."""
+    """Return (type, nodes) of the lines of version 2.2: number, type, how many tags, tags, nodes."""
     lines = text[text.index("$Elements") :].splitlines()[1:]
     count = int(lines[0]) if lines and lines[0].strip().isdigit() else -1
     rows = [line.split() for line in lines[1 : count + 1]]
@@ -147,8 +148,24 @@ class _Binary:
         self.at += size
         return np.frombuffer(self.data, self.order + kind, count, self.at - size)
 
-    def whole(self, kind: str, count: int) -> list[int]:
-        return [int(number) for number in self.take(kind, count)]
+    def section(self, name: str) -> None:
+        """Go behind the line `name`. Raises InputError."""
+        match = re.search(re.escape(name).encode() + rb"[ \t\r]*\n", self.data)
+        if match is None:
+            raise InputError(f"it has no {name}: cut short; export it again")
+        self.at = match.end()
+
+    def ints(self, count: int, _what: str) -> list[int]:
+        return self.take("i4", count).tolist()
+
+    def sizes(self, count: int, _what: str) -> list[int]:
+        return self.take("u8", count).tolist()
+
+    def tags(self, count: int, _what: str) -> np.ndarray:
+        return self.take("u8", count).astype(np.int64)
+
+    def real(self, count: int, _what: str) -> np.ndarray:
+        return self.take("f8", count).astype(np.float64)
 
     def line(self) -> int:
         end = self.data.find(b"\n", self.at)
@@ -158,15 +175,16 @@ class _Binary:
         self.at = end + 1
         return int(word)
 
-    def old(self, nodes: int, elements: int) -> Elements:
+    def lines(self) -> Elements:
         """Read version 2.2."""
-        self.at = nodes
-        count = self.line()
-        rows = self.take("i1", 28 * count).view(np.dtype([("name", self.order + "i4"), ("x", self.order + "f8", 3)]))
-        self.at = elements
+        self.section("$Nodes")
+        rows = self.take("i1", 28 * self.line()).view(
+            np.dtype([("name", self.order + "i4"), ("x", self.order + "f8", 3)])
+        )
+        self.section("$Elements")
         left, blocks = self.line(), []
         while left > 0:
-            kind, many, tags = self.whole("i4", 3)
+            kind, many, tags = self.ints(3, "elements")
             _check_kind(kind)
             if not (0 < many <= left and tags >= 0):
                 raise InputError("a block of elements has a wrong length: damaged; export it again")
@@ -174,23 +192,3 @@ class _Binary:
             blocks.append((kind, self.take("i4", many * width).reshape(many, width)[:, 1 + tags :]))
             left -= many
         return _sorted(rows["name"].astype(np.int64), rows["x"].astype(np.float64), blocks)
-
-    def modern(self, nodes: int, elements: int) -> Elements:
-        """Read version 4.1."""
-        self.at = nodes
-        names, places = [np.zeros(0, np.int64)], [np.zeros((0, 3))]
-        for _ in range(self.whole("u8", 4)[0]):
-            dimension, _, parametric = self.whole("i4", 3)
-            (count,) = self.whole("u8", 1)
-            width = 3 + (dimension if parametric else 0)
-            names.append(self.take("u8", count).astype(np.int64))
-            places.append(self.take("f8", count * width).reshape(count, width)[:, :3].astype(np.float64))
-        self.at = elements
-        blocks = []
-        for _ in range(self.whole("u8", 4)[0]):
-            _, _, kind = self.whole("i4", 3)
-            (count,) = self.whole("u8", 1)
-            _check_kind(kind)
-            width = 1 + NODES[kind]
-            blocks.append((kind, self.take("u8", count * width).reshape(count, width)[:, 1:].astype(np.int64)))
-        return _sorted(np.concatenate(names), np.concatenate(places), blocks)
