@@ -33,12 +33,6 @@ def worst_strain(scene: Scene, position: np.ndarray, strain: np.ndarray) -> floa
     return float(strain[np.argmax(np.abs(strain))]) if len(strain) else 0.0
 
 
-def row_and_column(scene: Scene, particle: int) -> str:
-    """Return `row, column` of a mass."""
-    row, column = divmod(particle, scene.grid.columns)
-    return f"{row}, {column}"
-
-
 @dataclass(frozen=True)
 class Presentation:
     """Functions that draw, export and describe the scenes of a family.
@@ -78,9 +72,7 @@ class Presentation:
     max_strain: Callable[[Scene, np.ndarray, Arrays], float | None] = largest_strain
     drawn: Callable[[Scene], tuple[str, ...]] = lambda scene: ()
     legend: Callable[[Scene], str | None] = lambda scene: None
-    framed: Callable[[Scene, np.ndarray, Sequence[float], float], Sequence[np.ndarray]] = (
-        lambda scene, points, bounds, time: ()
-    )
+    framed: Callable[[Scene, np.ndarray, Sequence[float], float], Sequence[np.ndarray]] = lambda *_: ()
     materials: Callable[[Scene], Mapping[str, Any]] = lambda scene: {}
     worst: Callable[[Scene, np.ndarray, np.ndarray], float] = worst_strain
     worst_text: Callable[[float, float], str] = lambda worst, fastest: f"worst strain {worst:+.4g}"
@@ -88,7 +80,7 @@ class Presentation:
     fastest: bool = False
     steps_per_frame: int | None = None
     particle: str = "mass"
-    particle_name: Callable[[Scene, int], str] = row_and_column
+    particle_name: Callable[[Scene, int], str] = lambda scene, mass: "{}, {}".format(*divmod(mass, scene.grid.columns))
     grips: bool = False
     levels: bool = False
 

@@ -28,8 +28,6 @@ class Stream(Protocol):
 class DeviceArray(Protocol):
     """An array in the device's memory; in the simulator an array of the host."""
 
-    dtype: np.dtype
-    nbytes: int
     shape: tuple[int, ...]
     size: int
 

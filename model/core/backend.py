@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from softlab.model.base.errors import InputError
+from softlab.model.base.types import Real
 from softlab.model.core.energy import spring_strain
 from softlab.model.core.family import written
 from softlab.model.scene.scene import Scene
@@ -21,7 +22,7 @@ class Backend(ABC):
     name, or have an implementation that is valid on any backend."""
 
     scene: Scene
-    real: Any  # the numpy type of the precision
+    real: Real
     contacts: Any = None  # of surfaces, and the number of those that did not fit
 
     @abstractmethod

@@ -56,7 +56,7 @@ class Simulation(Stepping):
     def __init__(self, scene: Scene, options: Options):
         self.scene = scene
         self.options = options
-        self.real: Any = PRECISIONS[options.precision]
+        self.real = PRECISIONS[options.precision]
         self.body: Body = options.body or build(scene)
         self._first_body = self.body  # `self.body` has the currently inactive bodies
         self.step = 0

@@ -20,10 +20,6 @@ from softlab.model.shape_matching.fields import of_bodies
 from softlab.model.shape_matching.plan import body_plan, window_plan
 
 
-def _stored_in_windows(scene: Scene, position: np.ndarray, arrays: Arrays) -> tuple[float, dict[str, float]]:
-    return window_energy(scene, position), {}
-
-
 def _stored_in_bodies(scene: Scene, position: np.ndarray, arrays: Arrays) -> tuple[float, dict[str, float]]:
     """Return the energy of clusters and links [J]."""
     links = scene.body_set.links.energy(position)
@@ -39,7 +35,7 @@ WINDOWS = SolverFamily(
     limit=projection_limit,
     limited_by_net=True,
     note=projection_note,
-    stored=_stored_in_windows,
+    stored=lambda scene, position, arrays: (window_energy(scene, position), {}),
     strain=sheet_strain,
     spring_count=sheet_spring_count,
     solvers={

@@ -25,7 +25,8 @@ def outlines(scene: Scene, time: float, planes: bool = True) -> np.ndarray:
             point = np.array(collider.point)[:2] + shift
             lines.append(np.stack([point - along, point + along]))
         elif isinstance(collider, Sphere):
-            lines.append(_closed(_ring(collider.radius, *_section(collider.center, collider.radius)) + shift))
+            cut = float(np.sqrt(max(1 - (collider.center[2] / collider.radius) ** 2, 0.0)))  # by the plane z = 0
+            lines.append(_closed(_ring(collider.radius, np.array(collider.center)[:2], cut) + shift))
         elif isinstance(collider, Capsule):
             start, end = (np.array(place)[:2] for place in (collider.start, collider.end))
             angle = np.arctan2(end[1] - start[1], end[0] - start[0])
@@ -38,12 +39,6 @@ def outlines(scene: Scene, time: float, planes: bool = True) -> np.ndarray:
                 _closed(np.array(collider.center)[:2] + np.array([[-x, -y], [x, -y], [x, y], [-x, y]]) + shift)
             )
     return np.concatenate(lines).astype(np.float32)
-
-
-def _section(center: tuple[float, float, float], radius: float) -> tuple[np.ndarray, float]:
-    """Return (middle, fraction of the radius) of the circle in which the plane z = 0 cuts a ball; fraction 0: no
-    section."""
-    return np.array(center)[:2], float(np.sqrt(max(1 - (center[2] / radius) ** 2, 0.0)))
 
 
 def _ring(radius: float, middle: np.ndarray, scale: float) -> np.ndarray:
