@@ -118,6 +118,7 @@ def simulate(
     for number in range(steps * scene.method.substeps):
         before, now = (np.concatenate(arrays) for arrays in zip(*places, strict=True))
         touching = find(scene, surfaces, before, now).nearest(most) if surfaces else None
+        sums = np.zeros((len(touching.mass) if touching else 0, 4))
         if fluid:
             fluid.begin(number, before, now)
         for _ in range(scene.method.iterations):
@@ -126,7 +127,7 @@ def simulate(
             if fluid:
                 now = fluid.correct(now)
             for _ in range(scene.contact.sweeps if surfaces else 0):  # type: ignore[union-attr]
-                now = projected.project(scene.contact, touching, before, now, weight, surface_contacts)  # type: ignore[arg-type]
+                now = projected.project(scene.contact, touching, before, now, weight, surface_contacts, sums)  # type: ignore[arg-type]
         places = []
         for motion, place in zip(motions, slices, strict=True):
             try:

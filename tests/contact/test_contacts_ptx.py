@@ -16,12 +16,12 @@ FIND = {
     "find_contacts": "ffpfliiifiiffiilss",
 }
 PROJECT = {
-    "fill_links": "iiii",
+    "fill_links": "iiiif",
     "sort_links": "iii",
     "deepen": "ffiiffiiif",
     "load_up": "ifiiiff",
-    "push": "ffiiffffpf",
-    "gather": "fifiiifff",
+    "push": "ffiiffffpff",
+    "gather": "fifiiiffff",
 }
 SCAN = {"chunks": "iii", "totals": "i", "add": "iii"}
 

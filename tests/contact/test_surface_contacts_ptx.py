@@ -9,7 +9,7 @@ import pytest
 from kernel_text import entry_of, record_of
 
 FIND = {"take": "fif", "clear": "ii", "find_contacts": "fffiiiiiiiipfiiffiil"}
-PROJECT = {"deepen": "ffiiffiiif", "push": "ffiiffffpf", "gather": "fifiiifff"}
+PROJECT = {"fill_links": "iiiif", "deepen": "ffiiffiiif", "push": "ffiiffffpff", "gather": "fifiiiffff"}
 RUB = {"rub": "ffiiffffpff", "gather_rubbed": "fifiiiffff"}
 
 pytestmark = pytest.mark.usefixtures("ptx_compiler")

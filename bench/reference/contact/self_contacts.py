@@ -222,11 +222,12 @@ def project(
     position: np.ndarray,
     weight: np.ndarray,
     surfaces: Any = None,
+    sums: np.ndarray | None = None,
 ) -> np.ndarray:
     """Return `position` after one sweep: (particles, 3) [m].
 
     `weight` (particles,): inverse masses, 0 where pinned; `surfaces`: the module surface_contacts for contacts of
-    surfaces.
+    surfaces; `sums` (n, 4): their normal impulses and friction of earlier sweeps of the substep, added to here.
     """
 
     def offset(p: np.ndarray) -> np.ndarray:
@@ -254,7 +255,12 @@ def project(
     np.subtract.at(moved, contacts.corners[on], contacts.weights[on][:, :, None] * push[on][:, None])
     position = position + weight[:, None] * moved
     if surfaces is not None and part.static_friction > 0:
-        moved = surfaces.rub(part, contacts.where(on), before, position, weight, depth[on] / bound[on])
+        sums = np.zeros((len(on), 4)) if sums is None else sums
+        sums[on, 0] += depth[on] / bound[on]
+        pressed = sums[:, 0] > 0
+        rubbed = sums[pressed]
+        moved = surfaces.rub(part, contacts.where(pressed), before, position, weight, rubbed)
+        sums[pressed] = rubbed
         position = position + weight[:, None] * moved
     return position
 
