@@ -14,7 +14,6 @@ import numpy as np
 
 from softlab.bench.reference import cloth as cloth_colliders
 from softlab.bench.reference import xpbd_mesh
-from softlab.bench.reference.contact import self_contacts as projected
 from softlab.bench.reference.contact import surface_contacts
 from softlab.bench.reference.finite_elements import Body, shape_gradients
 from softlab.bench.reference.steps import Motion, alone
@@ -123,9 +122,8 @@ def motion(scene: Scene, steps: int, position: np.ndarray, velocity: np.ndarray,
                 xpbd_mesh.project(item, p, before, multiplier, inverse_mass, h)
             for joint, multiplier in zip(joints, joint_multipliers, strict=True):
                 joint.project(p, multiplier, inverse_mass, h)
-            for _ in range(scene.contact.sweeps if scene.contact else 0):
-                assert touching is not None and scene.contact is not None
-                p = projected.project(scene.contact, touching, before, p, inverse_mass, surface_contacts, sums)  # type: ignore[arg-type]
+            if touching is not None:
+                p = surface_contacts.project(scene.contact, touching, before, p, inverse_mass, sums)
             p = yield before, p
         p = p - pushed
         v = np.where(free, (p - before) / h, 0.0)

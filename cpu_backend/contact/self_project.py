@@ -293,14 +293,15 @@ def make_project(real: Any, math: str, friction: bool, surfaces: bool = False) -
             points[k, axis] = position[axis, i, j]
 
     def project_contacts(team, member, bands, sweeps, position, begin, contacts, weights, parameters, scratch):
-        """Sweep over the contacts, all of a sweep from one state, and update `position` (3, rows, columns).
+        """Sweep over the contacts, all of a sweep from one state, and update `position` (3, rows, columns). Friction of
+        surfaces has as many sweeps, after all those that push: contacts are rubbed by what they bear together.
 
         `contacts`: (found, corners, values, starts, links, around); `scratch`: (points, loads, forces).
         """
         (contact_counts, corners, values, starts, links, around), (points, loads, forces) = contacts, scratch
         rows, columns = position.shape[1], position.shape[2]
         masses = rows * columns
-        for _ in range(sweeps):
+        for sweep in range(sweeps):
             for band in assigned(team, member, bands):
                 for k in range(masses * band // bands, masses * (band + 1) // bands):
                     for axis in range(3):
@@ -321,18 +322,18 @@ def make_project(real: Any, math: str, friction: bool, surfaces: bool = False) -
                 for k in range(masses * band // bands, masses * (band + 1) // bands):
                     if loads[k] > zero and weights[k] > zero:
                         move(k, position, contact_counts, values, starts, links, weights, forces, points, False)
-                    if levered:
+                    if levered and sweep == sweeps - 1:
                         loads[k] = load_of(k, contact_counts, values, starts, links, forces, True)
-            if levered:
-                for band in assigned(team, member, bands):
-                    for k in range(masses * band // bands, masses * (band + 1) // bands):
-                        for slot in range(k * MAX_CONTACTS, k * MAX_CONTACTS + min(contact_counts[k], MAX_CONTACTS)):
-                            if forces[slot, F_PRESS] > zero:
-                                rub(slot, k, points, begin, corners, values, weights, loads, parameters, forces)
-                for band in assigned(team, member, bands):
-                    for k in range(masses * band // bands, masses * (band + 1) // bands):
-                        if loads[k] > zero and weights[k] > zero:
-                            move(k, position, contact_counts, values, starts, links, weights, forces, points, True)
+        for _ in range(sweeps if levered else 0):
+            for band in assigned(team, member, bands):
+                for k in range(masses * band // bands, masses * (band + 1) // bands):
+                    for slot in range(k * MAX_CONTACTS, k * MAX_CONTACTS + min(contact_counts[k], MAX_CONTACTS)):
+                        if forces[slot, F_PRESS] > zero:
+                            rub(slot, k, points, begin, corners, values, weights, loads, parameters, forces)
+            for band in assigned(team, member, bands):
+                for k in range(masses * band // bands, masses * (band + 1) // bands):
+                    if loads[k] > zero and weights[k] > zero:
+                        move(k, position, contact_counts, values, starts, links, weights, forces, points, True)
 
     return SimpleNamespace(
         link_contacts=_make_link(compiler, real, levered), project_contacts=compiler.team(project_contacts)

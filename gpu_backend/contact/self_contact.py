@@ -100,9 +100,9 @@ class HeldContacts:
             kernels.load_up[flat](self.contact_counts, self.corner_weights, *links, self._forces, self._loads)
             kernels.push[flat](*contacts, self._weights, self._loads, self.record, *written)
             kernels.gather[flat](*to_move)
-            if self._levers:
-                kernels.rub[flat](*contacts, self._weights, self._loads, self.record, *written)
-                kernels.gather_rubbed[flat](*to_move)
+        for _ in range(self._sweeps if self._levers else 0):
+            kernels.rub[flat](*contacts, self._weights, self._loads, self.record, *written)
+            kernels.gather_rubbed[flat](*to_move)
 
 
 class Contacts(HeldContacts):

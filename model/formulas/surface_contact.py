@@ -199,10 +199,10 @@ def make_current(real, compiled=plain):
     @compiled
     def rub(n, r, slid, impulses, weights, masses, edges, before, static_friction, dynamic_friction):
         """(j, second, third): displacement of the contact's vertex, and levers on corners two and three, for a weight
-        of 1, by friction after all normal impulses of the sweep.
+        of 1, by friction after the sweeps that push.
 
         `n`: the contact's normal; `r`: from the triangle's point to the vertex; `slid`: the change of that in the
-        substep [m]; `impulses`: (the normal impulse, the friction (3)) of all sweeps of the substep so far; `weights`
+        substep [m]; `impulses`: (the normal impulse, the friction (3)) of the substep so far; `weights`
         of the corners; `masses`: inverse ones of the vertex and the corners, as split among contacts; `edges`: of the
         triangle, (q, w), and `before`, at the substep's start, (u, v).
 

@@ -135,7 +135,7 @@ def around(triangles: list[Any]) -> np.ndarray:
 
 def test_a_contact_is_the_references() -> None:
     random, formulas = np.random.default_rng(2), surface_contact.make(np.float64, plain)
-    part: Any = SimpleNamespace(static_friction=STATIC, dynamic_friction=DYNAMIC)
+    part: Any = SimpleNamespace(static_friction=STATIC, dynamic_friction=DYNAMIC, sweeps=1)
     for number in range(300):
         of = random_contact(random, number)
         ways, _ = after_formula(np.float64, formulas, of)
@@ -145,7 +145,7 @@ def test_a_contact_is_the_references() -> None:
             around=around([[[1, 2, 3]]]),
         )  # fmt: skip
         if number % 3 == 0:  # of a normal that leans the depth is another one
-            after = self_contacts.project(
+            after = surface_contacts.project(
                 part, contact, of.before, of.before + of.ways, of.inverse_mass, surface_contacts
             )
             np.testing.assert_allclose(after - of.before, ways, atol=1e-13)
@@ -154,7 +154,7 @@ def test_a_contact_is_the_references() -> None:
 def test_contacts_that_share_particles_gain_no_energy() -> None:
     """Two vertices and six triangles of the same few particles, projected at once, in the reference: as its bits are the
     backends' (tests/contact)."""
-    part: Any = SimpleNamespace(static_friction=STATIC, dynamic_friction=DYNAMIC)
+    part: Any = SimpleNamespace(static_friction=STATIC, dynamic_friction=DYNAMIC, sweeps=1)
     random, gains = np.random.default_rng(3), []
     for _ in range(300):
         corners = random.normal(0, 0.05, (4, 3)) * [1, 0.1, 1]
@@ -172,7 +172,7 @@ def test_contacts_that_share_particles_gain_no_energy() -> None:
         turn = random.normal(0, 1, 3) * 10 ** random.uniform(-2, -0.7)
         ways = np.vstack([np.cross(turn, corners), random.normal(0, 0.003, (2, 3))])
         inverse_mass = 10 ** random.uniform(-1, 1, 6)
-        after = self_contacts.project(part, contact, points, points + ways, inverse_mass, surface_contacts)
+        after = surface_contacts.project(part, contact, points, points + ways, inverse_mass)
         gains.append(energy(inverse_mass, after - points) / energy(inverse_mass, ways) - 1)
     assert max(gains) < 1e-12 and min(gains) < -0.1
 
@@ -180,7 +180,7 @@ def test_contacts_that_share_particles_gain_no_energy() -> None:
 def test_a_triangle_that_is_pressed_evenly_is_not_rubbed() -> None:
     """Three vertices push a triangle straight down, each nearest to another corner: together they do not turn it, so that
     nothing slips. (Each alone would turn it: friction on that slip moved a pile that stood.)"""
-    part: Any = SimpleNamespace(static_friction=STATIC, dynamic_friction=DYNAMIC)
+    part: Any = SimpleNamespace(static_friction=STATIC, dynamic_friction=DYNAMIC, sweeps=1)
     triangle = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [0.05, 0.0, 0.09]])
     weights = np.array([[0.6, 0.2, 0.2], [0.2, 0.6, 0.2], [0.2, 0.2, 0.6]])
     points = np.vstack([triangle, weights @ triangle + [0.0, DISTANCE, 0.0]])
@@ -191,6 +191,6 @@ def test_a_triangle_that_is_pressed_evenly_is_not_rubbed() -> None:
         normal=np.tile([0.0, 1.0, 0.0], (3, 1)), required=np.full(3, DISTANCE), distance=np.full(3, DISTANCE),
         around=around([[[0, 1, 2]]] * 3),
     )  # fmt: skip
-    after = self_contacts.project(part, contact, points, points + ways, np.ones(6), surface_contacts) - points
+    after = surface_contacts.project(part, contact, points, points + ways, np.ones(6)) - points
     assert after[:3, 1].max() < -1e-4
     assert np.abs(after[:, [0, 2]]).max() < 1e-15

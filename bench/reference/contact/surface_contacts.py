@@ -22,6 +22,7 @@ from softlab.bench.reference.contact.self_contacts import (
     nearest_weights,
     triangles_around,
 )
+from softlab.bench.reference.contact.self_contacts import project as push
 from softlab.model.contact.attachments import attachment_sets
 from softlab.model.scene.scene import Scene
 
@@ -52,6 +53,30 @@ def force_matrices(corners: np.ndarray, weights: np.ndarray, r: np.ndarray) -> n
             result[n, k] += lever
             result[n, 0] -= lever
     return result
+
+
+def project(
+    part: Any,
+    contacts: VertexContacts,
+    before: np.ndarray,
+    position: np.ndarray,
+    weight: np.ndarray,
+    sums: np.ndarray | None = None,
+) -> np.ndarray:
+    """Return `position` (particles, 3) [m] after the sweeps of the `part`, those that push, then those of friction.
+
+    `weight` (particles,): inverse masses, 0 where pinned; `sums` (n, 4): the normal impulse and the friction of each
+    contact in the substep so far, which this adds to.
+    """
+    sums = np.zeros((len(contacts.mass), 4)) if sums is None else sums
+    for _ in range(part.sweeps):
+        position = push(part, contacts, before, position, weight, sums[:, 0])
+    pressed = sums[:, 0] > 0
+    for _ in range(part.sweeps if part.static_friction > 0 else 0):
+        rubbed = sums[pressed]
+        moved = rub(part, contacts.where(pressed), before, position, weight, rubbed)
+        position, sums[pressed] = position + weight[:, None] * moved, rubbed
+    return position
 
 
 def rub(
