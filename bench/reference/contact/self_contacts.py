@@ -12,7 +12,6 @@ for Real-Time Applications", SIGGRAPH 2014, eq. 24.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
