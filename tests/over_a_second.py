@@ -187,6 +187,7 @@ test_stability_figures.py test_a_panel_an_integrator?draw_damping?
 test_stability_limits.py test_limit_is_the_edge_of_every_slower_mode
 test_surface_contacts.py test_a_body_meets_itself_where_it_says_so
     test_a_cube_slides_where_the_slope_is_over_the_friction_and_sticks*
+    test_four_sweeps_tell_sticking_from_sliding*
     test_threads_and_kernels_give_the_same_bits?float64?
 test_surface_levers.py test_none_of_ten_thousand_contacts_gains_energy*
 test_tetrahedra_cpu.py test_b21_a_body_out_of_all_shape_recovers?corotated-flat?

@@ -145,9 +145,7 @@ def test_a_contact_is_the_references() -> None:
             around=around([[[1, 2, 3]]]),
         )  # fmt: skip
         if number % 3 == 0:  # of a normal that leans the depth is another one
-            after = surface_contacts.project(
-                part, contact, of.before, of.before + of.ways, of.inverse_mass, surface_contacts
-            )
+            after = surface_contacts.project(part, contact, of.before, of.before + of.ways, of.inverse_mass)
             np.testing.assert_allclose(after - of.before, ways, atol=1e-13)
 
 
