@@ -21,7 +21,7 @@ def dropped(factor: float, floor_kind: str = "plane", **method: float | str) -> 
     parts: dict[str, dict] = {"floor": {"kind": "plane"} | friction}
     if floor_kind == "body":
         slab = {"sides": [0.6 * factor, 0.2 * factor, 0.6 * factor]}
-        pinned = {"origin": [0.0, -0.09 * factor, 0.0], "pinned": ["top", "bottom", "left", "right"]}
+        pinned = {"origin": [0.0, -0.105 * factor, 0.0], "pinned": ["top", "bottom", "left", "right"]}
         parts = {"slab": box | {"shape": {"name": "box"} | slab} | pinned}
         parts["contact"] = friction | {"distance": 0.01 * factor, "separation_speed": 3.0 * factor, "sweeps": 4}
     parts |= {"box": box, "gravity": {"acceleration": 9.81 * factor}, "method": {"dt": 1 / 60} | method}
