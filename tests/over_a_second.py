@@ -69,7 +69,9 @@ test_fields.py test_the_world_of_the_page_runs*
 test_figure_axes.py test_curves_are_what_the_axes_say?time-per-step?GPU?
 test_film.py test_a_film
 test_friction_in_place.py *distance_field? *mesh_collider?
+test_friction_on_colliders.py *
 test_kernel_keys.py test_a_rename_across_a_package* test_a_start_state* test_a_colouring*
+test_libuipc_442.py test_other_solvers*
 test_machine_code.py test_machine_code_is_a_proof*
 test_mesh_collider_ptx.py test_friction_in_place*
 test_findings_costs.py test_a_wrong_answer_gets_no_ratio test_nothing_is_measured_twice
