@@ -69,7 +69,9 @@ test_fields.py test_the_world_of_the_page_runs*
 test_figure_axes.py test_curves_are_what_the_axes_say?time-per-step?GPU?
 test_film.py test_a_film
 test_friction_in_place.py *distance_field? *mesh_collider?
+test_friction_on_colliders.py *
 test_kernel_keys.py test_a_rename_across_a_package* test_a_start_state* test_a_colouring*
+test_libuipc_442.py test_other_solvers*
 test_machine_code.py test_machine_code_is_a_proof*
 test_findings_costs.py test_a_wrong_answer_gets_no_ratio test_nothing_is_measured_twice
 test_finite_elements_newton.py test_elastica?2-1.0-corotated? test_elastica?2-1.0-fixed-corotated?
@@ -177,6 +179,7 @@ test_stability_figures.py test_a_panel_an_integrator?draw_damping?
 test_stability_limits.py test_limit_is_the_edge_of_every_slower_mode
 test_surface_contacts.py test_a_body_meets_itself_where_it_says_so
     test_a_cube_slides_where_the_slope_is_over_the_friction_and_sticks*
+    test_four_sweeps_tell_sticking_from_sliding*
 test_surface_levers.py test_none_of_ten_thousand_contacts_gains_energy*
 test_tetrahedra_cpu.py test_b21_a_body_out_of_all_shape_recovers?corotated-flat?
     test_b21_a_body_out_of_all_shape_recovers?fixed-corotated-flat?

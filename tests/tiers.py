@@ -36,6 +36,7 @@ COMPILED = {
     "test_kernel_cache.py": "*", "test_rotation.py": "*",  # machine code itself, a hundred thousand matrices
     "test_tetrahedra_cpu.py": "test_b21*", "test_hard_tetrahedra.py": "test_the_laws*",  # seconds of motion
     "test_hard_fluids.py": "test_the_laws*",
+    "test_friction_on_colliders.py": "*", "test_surface_contacts.py": "test_four_sweeps*",  # a second of motion
     "test_kinematic.py": "test_an_end* test_both_ends*", "test_matter.py": "test_two_halves* test_every_solver*",  # statics
     "test_attachments.py": "test_a_body_on_soft*", "test_cloth_beside.py": "test_the_weight* test_a_box_slides*",
     "test_newton_3287.py": "test_tilted*",

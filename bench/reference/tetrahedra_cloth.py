@@ -14,7 +14,6 @@ import numpy as np
 
 from softlab.bench.reference import cloth as cloth_colliders
 from softlab.bench.reference import xpbd_mesh
-from softlab.bench.reference.contact import self_contacts as projected
 from softlab.bench.reference.contact import surface_contacts
 from softlab.bench.reference.finite_elements import Body, shape_gradients
 from softlab.bench.reference.steps import Motion, alone
@@ -109,6 +108,7 @@ def motion(scene: Scene, steps: int, position: np.ndarray, velocity: np.ndarray,
         multipliers = [np.zeros(3 if "isometric" in item.of.__qualname__ else 1) for item in cloth]
         joint_multipliers = [np.zeros(3) for _ in joints]
         touching = surface_contacts.find(scene, distance, before, p).nearest(most) if scene.contact else None
+        sums = np.zeros((len(touching.mass) if touching else 0, 4))
         p, pushed = (yield before, p), np.zeros_like(p)
         for _ in range(method.iterations):
             if scene.colliders and method.iterations > 1:  # on positions without what colliders did to them so far
@@ -122,9 +122,8 @@ def motion(scene: Scene, steps: int, position: np.ndarray, velocity: np.ndarray,
                 xpbd_mesh.project(item, p, before, multiplier, inverse_mass, h)
             for joint, multiplier in zip(joints, joint_multipliers, strict=True):
                 joint.project(p, multiplier, inverse_mass, h)
-            for _ in range(scene.contact.sweeps if scene.contact else 0):
-                assert touching is not None and scene.contact is not None
-                p = projected.project(scene.contact, touching, before, p, inverse_mass, surface_contacts)  # type: ignore[arg-type]
+            if touching is not None:
+                p = surface_contacts.project(scene.contact, touching, before, p, inverse_mass, sums)
             p = yield before, p
         p = p - pushed
         v = np.where(free, (p - before) / h, 0.0)

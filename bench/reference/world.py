@@ -1,7 +1,7 @@
 """Bodies of clusters, tetrahedral bodies, cloths and a fluid in one world, in slow, plain NumPy float64: the reference.
 
 Each member moves as in its own reference (shape_matching.py, tetrahedra_cloth.py, xpbd_mesh.py), which pauses after its
-prediction and after every iteration. Then contacts between members are projected as contact/self_contacts.py projects
+prediction and after every iteration. Then contacts between members are projected as contact/surface_contacts.py projects
 contacts: particles of bodies, as balls, against every triangle of the others. A ball keeps its radius plus half of the
 distance of surfaces. A fluid moves as in bench/reference/coupled/fluid_solids.py, after the solids and before their
 contacts.
@@ -15,7 +15,6 @@ from itertools import pairwise
 import numpy as np
 
 from softlab.bench.reference import shape_matching, tetrahedra_cloth, xpbd_mesh
-from softlab.bench.reference.contact import self_contacts as projected
 from softlab.bench.reference.contact import surface_contacts
 from softlab.bench.reference.contact.self_contacts import VertexContacts
 from softlab.bench.reference.coupled.fluid_solids import FluidAmongSolids
@@ -118,6 +117,7 @@ def simulate(
     for number in range(steps * scene.method.substeps):
         before, now = (np.concatenate(arrays) for arrays in zip(*places, strict=True))
         touching = find(scene, surfaces, before, now).nearest(most) if surfaces else None
+        sums = np.zeros((len(touching.mass) if touching else 0, 4))
         if fluid:
             fluid.begin(number, before, now)
         for _ in range(scene.method.iterations):
@@ -125,8 +125,8 @@ def simulate(
             now = np.concatenate([place for _, place in moved])
             if fluid:
                 now = fluid.correct(now)
-            for _ in range(scene.contact.sweeps if surfaces else 0):  # type: ignore[union-attr]
-                now = projected.project(scene.contact, touching, before, now, weight, surface_contacts)  # type: ignore[arg-type]
+            if touching is not None:
+                now = surface_contacts.project(scene.contact, touching, before, now, weight, sums)
         places = []
         for motion, place in zip(motions, slices, strict=True):
             try:

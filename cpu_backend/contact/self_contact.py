@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from softlab.cpu_backend.contact.self_find import VALUES, Cells, make_find
-from softlab.cpu_backend.contact.self_project import FORCES, LEVERS, make_project
+from softlab.cpu_backend.contact.self_project import FORCES, RUBBING, make_project
 from softlab.model.contact.self_contact_parameters import (
     MAX_CONTACTS,
     contact_record,
@@ -46,17 +46,17 @@ class HeldContacts:
         self.values, self.contact_counts = np.zeros((most, values), real), np.zeros(masses, np.int32)
         self._links = (np.zeros(masses + 1, np.int32), np.zeros(threads, np.int64), np.zeros(3 * most, np.int32))
         rubs = part.static_friction > 0
-        forces = LEVERS if rubs and surfaces else FORCES
+        forces = RUBBING if rubs and surfaces else FORCES
         self._scratch = (np.zeros((masses, 3), real), np.zeros(masses, real), np.zeros((most, forces), real))
         self._project = make_project(real, math, rubs, surfaces)
         self.lost = 0
         self._empty = True
 
     def _link(self) -> None:
-        """List, for each mass, the contacts that it is a corner of."""
+        """List, for each mass, the contacts that it is a corner of, and begin the sums of a substep."""
         self._empty = not self.contact_counts.any()
         if not self._empty:
-            self._project.link_contacts(self._bands, self.contact_counts, self.corners, *self._links)
+            self._project.link_contacts(self._bands, self.contact_counts, self.corners, *self._links, self._scratch[2])
 
     def _sweep(self, begin: np.ndarray, position: np.ndarray) -> None:
         """Sweep over the contacts of the substep that began at `begin` (masses, 3 ...), on (3, rows, columns) [m]."""

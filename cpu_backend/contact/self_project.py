@@ -18,7 +18,10 @@ from softlab.model.formulas import contact, surface_contact
 
 FORCES = 4  # values of a contact in a sweep: depth, displacement of its mass (of weight 1)
 F_DEPTH, F_X, F_Y, F_Z = range(FORCES)
-LEVERS = FORCES + 6  # with friction of surfaces: extra displacements of two corners
+# with friction of surfaces: extra displacements of two corners, and the impulses of all sweeps of the substep so far
+F_PRESS = FORCES + 6  # along the normal
+F_FRICTION = F_PRESS + 1
+RUBBING = F_FRICTION + 3
 
 
 def _make_now(compiler: Compiler, real: Any) -> SimpleNamespace:
@@ -71,18 +74,19 @@ def _make_now(compiler: Compiler, real: Any) -> SimpleNamespace:
         (corners, values), (weights, loads), (r, slid) = contacts, masses_of, path
         a, b, c = corners[slot, 0], corners[slot, 1], corners[slot, 2]
         s, t, n = values[slot, V_B], values[slot, V_C], (values[slot, V_NX], values[slot, V_NY], values[slot, V_NZ])
-        first = first_weight(s, t)
+        first, press = first_weight(s, t), forces[slot, F_PRESS]
         masses = (
-            weights[k] * loads[k], split(weights[a], load(first), loads[a]), split(weights[b], load(s), loads[b]),
-            split(weights[c], load(t), loads[c]),
+            split(weights[k], press, loads[k]), split(weights[a], load(first, press), loads[a]),
+            split(weights[b], load(s, press), loads[b]), split(weights[c], load(t, press), loads[c]),
         )  # fmt: skip
+        used = forces[slot, F_FRICTION], forces[slot, F_FRICTION + 1], forces[slot, F_FRICTION + 2]
         j, second, third = rub(
-            n, r, slid, forces[slot, F_DEPTH], (first, s, t), masses,
+            n, r, slid, (press, used), (first, s, t), masses,
             (difference(points, a, b), difference(points, a, c)), (difference(begin, a, b), difference(begin, a, c)),
             parameters.static_friction, parameters.dynamic_friction,
         )  # fmt: skip
         for axis in range(3):
-            forces[slot, F_X + axis] = j[axis]
+            forces[slot, F_X + axis], forces[slot, F_FRICTION + axis] = j[axis], used[axis] + j[axis]
             forces[slot, FORCES + axis], forces[slot, FORCES + 3 + axis] = second[axis], third[axis]
 
     return SimpleNamespace(shallower=shallower, rubbed=rubbed, load=load)
@@ -145,8 +149,8 @@ def _make_contact(
             forces[slot, F_X] = correction(depth, nx, scale)
             forces[slot, F_Y] = correction(depth, ny, scale)
             forces[slot, F_Z] = correction(depth, nz, scale)
-            if friction:  # which comes next, and takes the normal impulse
-                forces[slot, F_DEPTH] = scaled(depth, scale)
+            if friction:  # which comes next
+                forces[slot, F_PRESS] += scaled(depth, scale)
 
     @compiler.compiled
     def rub(slot, k, points, begin, corners, values, weights, loads, parameters, forces):
@@ -156,12 +160,13 @@ def _make_contact(
     return depth_of, push, rub
 
 
-def _make_link(compiler: Compiler) -> Any:
+def _make_link(compiler: Compiler, real: Any, levered: bool) -> Any:
     """Make link_contacts: see the inner function."""
+    zero = real(0)
 
-    def link_contacts(team, member, bands, contact_counts, corners, starts, totals, links):
+    def link_contacts(team, member, bands, contact_counts, corners, starts, totals, links, forces):
         """List, for mass m, the places (3 contact + corner) where it is a corner: links[starts[m] : starts[m + 1]],
-        ascending.
+        ascending. Set the impulses of the substep to 0.
 
         Each thread has a range of masses and reads all contacts; a counting sort.
         """
@@ -173,6 +178,9 @@ def _make_link(compiler: Compiler) -> Any:
             for k in range(masses):
                 first = k * MAX_CONTACTS
                 for slot in range(first, first + min(contact_counts[k], MAX_CONTACTS)):
+                    if levered and low <= k < high:
+                        for column in range(F_PRESS, RUBBING):
+                            forces[slot, column] = zero
                     for corner in range(3):
                         m = corners[slot, corner]
                         if low <= m < high:
@@ -226,14 +234,14 @@ def _make_gather(compiler: Compiler, real: Any, formulas: SimpleNamespace) -> tu
 
     @compiler.compiled
     def gather(k, contact_counts, values, starts, links, forces, levered):
-        """Return the displacement of mass k by all its contacts, for a weight of 1."""
-        x, y, z = zero, zero, zero
+        """Return the displacement of mass k by all its contacts, for a weight of 1; by friction if `levered`."""
+        x, y, z, active = zero, zero, zero, F_PRESS if levered else F_DEPTH
         for slot in range(k * MAX_CONTACTS, k * MAX_CONTACTS + min(contact_counts[k], MAX_CONTACTS)):
-            if forces[slot, F_DEPTH] > zero:
+            if forces[slot, active] > zero:
                 x, y, z = x + forces[slot, F_X], y + forces[slot, F_Y], z + forces[slot, F_Z]
         for place in range(starts[k], starts[k + 1]):
             slot = links[place] // 3
-            if forces[slot, F_DEPTH] > zero:
+            if forces[slot, active] > zero:
                 part = corner_weight(values, links[place])
                 x = taken(x, part, forces[slot, F_X])
                 y = taken(y, part, forces[slot, F_Y])
@@ -245,15 +253,17 @@ def _make_gather(compiler: Compiler, real: Any, formulas: SimpleNamespace) -> tu
 
     @compiler.compiled
     def load_of(k, contact_counts, values, starts, links, forces, levered):
-        """Return the number of active contacts of mass k; as a triangle's corner it counts them by its weight."""
-        load = zero
+        """Return the number of active contacts of mass k, or the sum of `load` if `levered`; as a triangle's corner it
+        counts them by its weight."""
+        load, active = zero, F_PRESS if levered else F_DEPTH
         for slot in range(k * MAX_CONTACTS, k * MAX_CONTACTS + min(contact_counts[k], MAX_CONTACTS)):
-            if forces[slot, F_DEPTH] > zero:
-                load += one
+            if forces[slot, active] > zero:
+                load += forces[slot, active] if levered else one
         for place in range(starts[k], starts[k + 1]):
-            if forces[links[place] // 3, F_DEPTH] > zero:
+            force = forces[links[place] // 3, active]
+            if force > zero:
                 part = corner_weight(values, links[place])
-                load += load_at(part) if levered else part
+                load += load_at(part, force) if levered else part
         return load
 
     return gather, load_of
@@ -283,14 +293,15 @@ def make_project(real: Any, math: str, friction: bool, surfaces: bool = False) -
             points[k, axis] = position[axis, i, j]
 
     def project_contacts(team, member, bands, sweeps, position, begin, contacts, weights, parameters, scratch):
-        """Sweep over the contacts, all of a sweep from one state, and update `position` (3, rows, columns).
+        """Sweep over the contacts, all of a sweep from one state, and update `position` (3, rows, columns). Friction of
+        surfaces has as many sweeps, after all those that push: contacts are rubbed by what they bear together.
 
         `contacts`: (found, corners, values, starts, links, around); `scratch`: (points, loads, forces).
         """
         (contact_counts, corners, values, starts, links, around), (points, loads, forces) = contacts, scratch
         rows, columns = position.shape[1], position.shape[2]
         masses = rows * columns
-        for _ in range(sweeps):
+        for sweep in range(sweeps):
             for band in assigned(team, member, bands):
                 for k in range(masses * band // bands, masses * (band + 1) // bands):
                     for axis in range(3):
@@ -311,17 +322,19 @@ def make_project(real: Any, math: str, friction: bool, surfaces: bool = False) -
                 for k in range(masses * band // bands, masses * (band + 1) // bands):
                     if loads[k] > zero and weights[k] > zero:
                         move(k, position, contact_counts, values, starts, links, weights, forces, points, False)
-                    if levered:
+                    if levered and sweep == sweeps - 1:
                         loads[k] = load_of(k, contact_counts, values, starts, links, forces, True)
-            if levered:
-                for band in assigned(team, member, bands):
-                    for k in range(masses * band // bands, masses * (band + 1) // bands):
-                        for slot in range(k * MAX_CONTACTS, k * MAX_CONTACTS + min(contact_counts[k], MAX_CONTACTS)):
-                            if forces[slot, F_DEPTH] > zero:
-                                rub(slot, k, points, begin, corners, values, weights, loads, parameters, forces)
-                for band in assigned(team, member, bands):
-                    for k in range(masses * band // bands, masses * (band + 1) // bands):
-                        if loads[k] > zero and weights[k] > zero:
-                            move(k, position, contact_counts, values, starts, links, weights, forces, points, True)
+        for _ in range(sweeps if levered else 0):
+            for band in assigned(team, member, bands):
+                for k in range(masses * band // bands, masses * (band + 1) // bands):
+                    for slot in range(k * MAX_CONTACTS, k * MAX_CONTACTS + min(contact_counts[k], MAX_CONTACTS)):
+                        if forces[slot, F_PRESS] > zero:
+                            rub(slot, k, points, begin, corners, values, weights, loads, parameters, forces)
+            for band in assigned(team, member, bands):
+                for k in range(masses * band // bands, masses * (band + 1) // bands):
+                    if loads[k] > zero and weights[k] > zero:
+                        move(k, position, contact_counts, values, starts, links, weights, forces, points, True)
 
-    return SimpleNamespace(link_contacts=_make_link(compiler), project_contacts=compiler.team(project_contacts))
+    return SimpleNamespace(
+        link_contacts=_make_link(compiler, real, levered), project_contacts=compiler.team(project_contacts)
+    )

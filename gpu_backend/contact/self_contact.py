@@ -9,7 +9,7 @@ import numpy as np
 from numba import cuda
 
 from softlab.gpu_backend.contact.self_find import make_find
-from softlab.gpu_backend.contact.self_project import make_project
+from softlab.gpu_backend.contact.self_project import QUADS, make_project
 from softlab.gpu_backend.core.quads import SIZE
 from softlab.gpu_backend.core.scan import Scan
 from softlab.model.contact.self_contact_parameters import (
@@ -58,7 +58,7 @@ class HeldContacts:
         self._link_scan = Scan(masses, stream)
         rubs = part.static_friction > 0
         self._levers = rubs and surfaces
-        self._turns = self._new(np.zeros(2 * SIZE * most if self._levers else 0, real))
+        self._rubbing = self._new(np.zeros(QUADS * SIZE * most if self._levers else 0, real))
         self._project, self._of_masses = make_project(real, math, rubs, surfaces), self._launch(masses)
 
     def _new(self, array: np.ndarray) -> Any:
@@ -81,9 +81,11 @@ class HeldContacts:
         return int(self._lost.copy_to_host(stream=self._stream)[0])
 
     def _link(self) -> None:
-        """List, for each mass, the contacts that it is a corner of."""
+        """List, for each mass, the contacts that it is a corner of, and begin the sums of a substep."""
         self._link_scan.run(self._link_counts, self._link_starts, self._link_cursors)
-        self._project.fill_links[self._of_masses](self.contact_counts, self.corners, self._link_cursors, self._links)
+        self._project.fill_links[self._of_masses](
+            self.contact_counts, self.corners, self._link_cursors, self._links, self._rubbing
+        )
         self._project.sort_links[self._of_masses](self._link_starts, self._link_counts, self._links)
 
     def project(self, before: Any, position: Any) -> None:
@@ -91,15 +93,16 @@ class HeldContacts:
         kernels, flat = self._project, self._of_masses
         links = self._link_starts, self._link_counts, self._links
         contacts = position, before, self.contact_counts, self.corners, self._normals, self.corner_weights
-        to_move = position, self.contact_counts, self.corner_weights, *links, self._weights, self._loads, self._forces
+        written = self._forces, self._rubbing
+        to_move = position, self.contact_counts, self.corner_weights, *links, self._weights, self._loads, *written
         for _ in range(self._sweeps):
             kernels.deepen[flat](*contacts, *self._around, self._forces)
             kernels.load_up[flat](self.contact_counts, self.corner_weights, *links, self._forces, self._loads)
-            kernels.push[flat](*contacts, self._weights, self._loads, self.record, self._forces)
+            kernels.push[flat](*contacts, self._weights, self._loads, self.record, *written)
             kernels.gather[flat](*to_move)
-            if self._levers:
-                kernels.rub[flat](*contacts, self._weights, self._loads, self.record, self._forces, self._turns)
-                kernels.gather_rubbed[flat](*to_move, self._turns)
+        for _ in range(self._sweeps if self._levers else 0):
+            kernels.rub[flat](*contacts, self._weights, self._loads, self.record, *written)
+            kernels.gather_rubbed[flat](*to_move)
 
 
 class Contacts(HeldContacts):

@@ -16,6 +16,9 @@ from softlab.gpu_backend.core.quads import load_quad, store_quad
 from softlab.model.contact.self_contact_parameters import MAX_CONTACTS
 from softlab.model.formulas import contact, surface_contact
 
+QUADS = 3  # of a contact with friction of surfaces: levers of two corners, and IMPULSES
+IMPULSES = 2  # friction and, last, normal impulse, of all sweeps of the substep so far
+
 
 @cache
 def _make_corners(real: Any, math: str) -> SimpleNamespace:
@@ -49,17 +52,21 @@ def _make_corners(real: Any, math: str) -> SimpleNamespace:
     return SimpleNamespace(slots_of=slots_of, offset=offset, corner_weight=corner_weight)
 
 
-def _link(real: Any, math: str) -> tuple[Any, ...]:
+def _link(real: Any, math: str, levered: bool) -> tuple[Any, ...]:
     """Make the kernels that list the contacts that a mass is a corner of, in one order, and sum their load on it."""
     corners_of, zero, one = _make_corners(real, math), real(0), real(1)
     slots_of, corner_weight = corners_of.slots_of, corners_of.corner_weight
 
-    def fill_links(contact_counts, corners, cursors, links):
+    def fill_links(contact_counts, corners, cursors, links, rubbing):
+        """List the contacts at each mass, in any order, and set the impulses of the substep to 0."""
         k = np.int64(cuda.grid(1))
         if k < contact_counts.size:
             first, last = slots_of(contact_counts, k)
             for place in range(3 * first, 3 * last):
                 links[cuda.atomic.add(cursors, corners[place], 1)] = place
+            if levered:
+                for slot in range(first, last):
+                    store_quad(rubbing, QUADS * slot + IMPULSES, zero, zero, zero, zero)
 
     def sort_links(starts, counts, links):
         """Sort by insertion: a mass is a corner of a few contacts, which are almost in order."""
@@ -133,27 +140,27 @@ def _make_now(real: Any, math: str) -> SimpleNamespace:
         return min(depth, left)
 
     @device
-    def rubbed(k, corners, position, before, n, w, masses_of, parameters, path, press):
-        (a, b, c), (mass_weights, loads), (r, slid) = corners, masses_of, path
+    def rubbed(k, corners, position, before, n, w, masses_of, parameters, path, impulses):
+        (a, b, c), (mass_weights, loads), (r, slid), (press, _) = corners, masses_of, path, impulses
         first = first_weight(w[0], w[1])
         masses = (
-            mass_weights[k] * loads[k], split(mass_weights[a], load(first), loads[a]),
-            split(mass_weights[b], load(w[0]), loads[b]), split(mass_weights[c], load(w[1]), loads[c]),
+            split(mass_weights[k], press, loads[k]), split(mass_weights[a], load(first, press), loads[a]),
+            split(mass_weights[b], load(w[0], press), loads[b]), split(mass_weights[c], load(w[1], press), loads[c]),
         )  # fmt: skip
         return rub(
-            (n[0], n[1], n[2]), r, slid, press, (first, w[0], w[1]), masses,
+            (n[0], n[1], n[2]), r, slid, impulses, (first, w[0], w[1]), masses,
             (difference(position, a, b), difference(position, a, c)), (difference(before, a, b), difference(before, a, c)),
             parameters.static_friction, parameters.dynamic_friction,
         )  # fmt: skip
 
     @device
-    def lever(turns, place):
+    def lever(rubbing, place):
         """Return the further displacement of the corner place % 3 of contact place // 3."""
         slot, corner = place // 3, place % 3
         if corner == 0:
-            s, t = load_quad(turns, 2 * slot), load_quad(turns, 2 * slot + 1)
+            s, t = load_quad(rubbing, QUADS * slot), load_quad(rubbing, QUADS * slot + 1)
             return -(s[0] + t[0]), -(s[1] + t[1]), -(s[2] + t[2])
-        s = load_quad(turns, 2 * slot + corner - 1)
+        s = load_quad(rubbing, QUADS * slot + corner - 1)
         return s[0], s[1], s[2]
 
     return SimpleNamespace(shallower=shallower, rubbed=rubbed, lever=lever, load=load)
@@ -161,7 +168,7 @@ def _make_now(real: Any, math: str) -> SimpleNamespace:
 
 def _move(real: Any, math: str, friction: bool, surfaces: bool) -> tuple[Any, ...]:
     current, levered = _make_now(real, math), friction and surfaces
-    corners_of, f, zero, one = _make_corners(real, math), device_formulas(contact, real, math), real(0), real(1)
+    corners_of, f, zero = _make_corners(real, math), device_formulas(contact, real, math), real(0)
     slots_of, offset, corner_weight = corners_of.slots_of, corners_of.offset, corners_of.corner_weight
     shallower, load_at = current.shallower, current.load
     dot, length, along, stiffness, inverse, slip = f.dot, f.length, f.along, f.stiffness, f.inverse, f.slip
@@ -182,9 +189,9 @@ def _move(real: Any, math: str, friction: bool, surfaces: bool) -> tuple[Any, ..
                     depth = shallower(slot, k, position, before, corners, n, r, depth, (starts, lists, surface))
                 store_quad(forces, slot, zero, zero, zero, depth)
 
-    def push(position, before, contact_counts, corners, normals, weights, mass_weights, loads, record, forces):
-        """Compute the displacement of a mass by a contact, for a weight of 1; before friction of surfaces, its normal
-        impulse in place of the depth."""
+    def push(position, before, contact_counts, corners, normals, weights, mass_weights, loads, record, forces, rubbing):
+        """Compute the displacement of a mass by a contact, for a weight of 1; before friction of surfaces, add its normal
+        impulse to that of the substep."""
         parameters = record[0]
         k = np.int64(cuda.grid(1))
         if k < contact_counts.size:
@@ -212,9 +219,12 @@ def _move(real: Any, math: str, friction: bool, surfaces: bool) -> tuple[Any, ..
                         x, y, z = (
                             correction(depth, n[0], scale), correction(depth, n[1], scale), correction(depth, n[2], scale)
                         )  # fmt: skip
-                    store_quad(forces, slot, x, y, z, scaled(depth, scale) if levered else depth)
+                    store_quad(forces, slot, x, y, z, depth)
+                    if levered:
+                        s = load_quad(rubbing, QUADS * slot + IMPULSES)
+                        store_quad(rubbing, QUADS * slot + IMPULSES, s[0], s[1], s[2], s[3] + scaled(depth, scale))
 
-    def gather(position, contact_counts, weights, starts, counts, links, mass_weights, loads, forces):
+    def gather(position, contact_counts, weights, starts, counts, links, mass_weights, loads, forces, rubbing):
         """Move the masses by their contacts. With friction of surfaces, write the loads for it, too."""
         k = np.int64(cuda.grid(1))
         if k < contact_counts.size:
@@ -223,13 +233,18 @@ def _move(real: Any, math: str, friction: bool, surfaces: bool) -> tuple[Any, ..
             for slot in range(first, last):
                 force = load_quad(forces, slot)
                 if force[3] > zero:
-                    x, y, z, load = x + force[0], y + force[1], z + force[2], load + one
+                    x, y, z = x + force[0], y + force[1], z + force[2]
+                if levered:
+                    load += load_quad(rubbing, QUADS * slot + IMPULSES)[3]
             for entry in range(starts[k], starts[k] + counts[k]):
-                force = load_quad(forces, links[entry] // 3)
-                if force[3] > zero:
+                slot = links[entry] // 3
+                force = load_quad(forces, slot)
+                press = load_quad(rubbing, QUADS * slot + IMPULSES)[3] if levered else force[3]
+                if press > zero:
                     part = corner_weight(weights, links[entry])
-                    x, y, z = taken(x, part, force[0]), taken(y, part, force[1]), taken(z, part, force[2])
-                    load += load_at(part)
+                    if force[3] > zero:
+                        x, y, z = taken(x, part, force[0]), taken(y, part, force[1]), taken(z, part, force[2])
+                    load += load_at(part, press)
             if loads[k] > zero and mass_weights[k] > zero:
                 p, w = load_quad(position, k), mass_weights[k]
                 store_quad(position, k, shifted(p[0], w, x), shifted(p[1], w, y), shifted(p[2], w, z), p[3])
@@ -247,27 +262,30 @@ def _rub(real: Any, math: str) -> tuple[Any, ...]:
     f = device_formulas(contact, real, math)
     taken, shifted = f.taken, f.shifted
 
-    def rub(position, before, contact_counts, corners, normals, weights, mass_weights, loads, record, forces, turns):
+    def rub(position, before, contact_counts, corners, normals, weights, mass_weights, loads, record, forces, rubbing):
         """Compute the displacement of a mass by a contact's friction, for a weight of 1, and the levers on corners."""
         k = np.int64(cuda.grid(1))
         if k < contact_counts.size:
             first, last = slots_of(contact_counts, k)
             for slot in range(first, last):
-                press = load_quad(forces, slot)[3]
+                used = load_quad(rubbing, QUADS * slot + IMPULSES)
+                press = used[3]
                 if press > zero:
                     n, w = load_quad(normals, slot), load_quad(weights, slot)
                     a, b, c = corners[3 * slot], corners[3 * slot + 1], corners[3 * slot + 2]
                     r = offset(position, k, a, b, c, w[0], w[1])
                     ox, oy, oz = offset(before, k, a, b, c, w[0], w[1])
                     path = r, (r[0] - ox, r[1] - oy, r[2] - oz)
+                    impulses = press, (used[0], used[1], used[2])
                     j, d, e = rubbed(
-                        k, (a, b, c), position, before, n, w, (mass_weights, loads), record[0], path, press
+                        k, (a, b, c), position, before, n, w, (mass_weights, loads), record[0], path, impulses
                     )
-                    store_quad(turns, 2 * slot, d[0], d[1], d[2], zero)
-                    store_quad(turns, 2 * slot + 1, e[0], e[1], e[2], zero)
+                    store_quad(rubbing, QUADS * slot, d[0], d[1], d[2], zero)
+                    store_quad(rubbing, QUADS * slot + 1, e[0], e[1], e[2], zero)
+                    store_quad(rubbing, QUADS * slot + IMPULSES, used[0] + j[0], used[1] + j[1], used[2] + j[2], press)
                     store_quad(forces, slot, j[0], j[1], j[2], press)
 
-    def gather_rubbed(position, contact_counts, weights, starts, counts, links, mass_weights, loads, forces, turns):
+    def gather_rubbed(position, contact_counts, weights, starts, counts, links, mass_weights, loads, forces, rubbing):
         """Move the masses by the friction of their contacts."""
         k = np.int64(cuda.grid(1))
         if k < contact_counts.size and loads[k] > zero and mass_weights[k] > zero:
@@ -280,7 +298,7 @@ def _rub(real: Any, math: str) -> tuple[Any, ...]:
             for entry in range(starts[k], starts[k] + counts[k]):
                 force = load_quad(forces, links[entry] // 3)
                 if force[3] > zero:
-                    part, d = corner_weight(weights, links[entry]), lever(turns, links[entry])
+                    part, d = corner_weight(weights, links[entry]), lever(rubbing, links[entry])
                     x, y, z = taken(x, part, force[0]), taken(y, part, force[1]), taken(z, part, force[2])
                     x, y, z = x - d[0], y - d[1], z - d[2]
             p, w = load_quad(position, k), mass_weights[k]
@@ -295,10 +313,10 @@ def make_project(real: Any, math: str, friction: bool, surfaces: bool = False) -
     for friction of surfaces `rub` and `gather_rubbed`.
 
     `surfaces`: as on the CPU; `starts`, `lists`, `surface`: offsets and triangles at each particle, and the triangles'
-    corners; `turns`: two quads per contact.
+    corners; `rubbing`: QUADS per contact, levers of two corners, and the friction and normal impulse of the substep.
     """
     variant = f"contacts_{variant_name(real, math, f'friction_{int(friction)}')}{'_surfaces' * surfaces}"
-    kernels = *_link(real, math), *_move(real, math, friction, surfaces)
+    kernels = *_link(real, math, friction and surfaces), *_move(real, math, friction, surfaces)
     return make_kernels(
         (*kernels, *_rub(real, math)) if friction and surfaces else kernels, variant, **kernel_options(math)
     )

@@ -9,6 +9,7 @@ import numpy as np
 
 from softlab.gpu_backend.contact.neighbours import Neighbours, neighbour_bytes
 from softlab.gpu_backend.contact.self_contact import HeldContacts, contact_bytes
+from softlab.gpu_backend.contact.self_project import QUADS
 from softlab.gpu_backend.contact.surfaces_find import make_find
 from softlab.gpu_backend.core.quads import SIZE
 from softlab.model.contact.particle_parameters import G_SEARCH_RADIUS, G_SELF_DISTANCE
@@ -24,7 +25,7 @@ def surface_contact_bytes(scene: Scene, item: int, meeting: Meeting = TETRAHEDRA
     lists = 4 * (4 * len(surface.triangles) + 2 * vertices + len(surface.at_vertex.indices) + 2 * particles)
     neighbour_space = neighbour_bytes(vertices, True, item) + SIZE * item * (vertices + particles)
     assert scene.contact is not None
-    levers = 2 * SIZE * item * MAX_CONTACTS * particles if scene.contact.static_friction > 0 else 0
+    levers = QUADS * SIZE * item * MAX_CONTACTS * particles if scene.contact.static_friction > 0 else 0
     return contact_bytes(particles, item) + levers + neighbour_space + lists
 
 

@@ -44,15 +44,16 @@ def outward(r, distance, u, v, flat):
 
 
 @formula
-def load(weight):
-    """Part of a corner of this weight in the split of its particle's mass, where surfaces rub."""
-    return weight + SPLIT_OFFSET
+def load(weight, press):
+    """Part of a corner of this weight in the split of its particle's mass, where surfaces rub; that of the vertex is
+    the contact's normal impulse `press`. So all contacts of a particle get to Coulomb's limit together."""
+    return press * (weight + SPLIT_OFFSET)
 
 
 @formula
 def split(weight, load, total):
     """Inverse mass of the piece of a particle with that load in one contact and the `total` load in all."""
-    return weight * total / load
+    return weight * (total / load)
 
 
 @formula
@@ -180,33 +181,47 @@ def carried(r, d, e, second, third, lift):
 
 
 @formula
-def rub(n, r, slid, press, weights, masses, edges, before, static_friction, dynamic_friction):
+def response(f, x, y, weights, masses):
+    """Relative displacement by the force f at the vertex, times f: |f|^2/m_0 + sum |A_k f|^2/m_k. x, y: `levers`."""
+    (a, b, c) = weights
+    fa = a * f[0] - (x[0] + y[0]), a * f[1] - (x[1] + y[1]), a * f[2] - (x[2] + y[2])
+    fb, fc = less(x, -b, f), less(y, -c, f)
+    return (masses[0] * along(f, f) + masses[1] * along(fa, fa)) + (
+        masses[2] * along(fb, fb) + masses[3] * along(fc, fc)
+    )
+
+
+@formula
+def rub(n, r, slid, impulses, weights, masses, edges, before, static_friction, dynamic_friction):
     """(j, second, third): displacement of the contact's vertex, and levers on corners two and three, for a weight
-    of 1, by friction after all normal impulses of the sweep.
+    of 1, by friction after the sweeps that push.
 
     `n`: the contact's normal; `r`: from the triangle's point to the vertex; `slid`: the change of that in the
-    substep [m]; `press`: the normal impulse; `weights` of the corners; `masses`: inverse ones of the vertex and the
-    corners, as split among contacts; `edges`: of the triangle, (q, w), and `before`, at the substep's start, (u, v).
+    substep [m]; `impulses`: (the normal impulse, the friction (3)) of the substep so far; `weights`
+    of the corners; `masses`: inverse ones of the vertex and the corners, as split among contacts; `edges`: of the
+    triangle, (q, w), and `before`, at the substep's start, (u, v).
 
     Friction acts at the vertex, on the slip there. A force f at the vertex gives -A_k f to corner k, A_k f = b_k f
     + lever k of f. The slip is the transpose of that, s = d_0 - sum A_k^T d_k of the displacements d, its
-    tangential part. The impulse -F s with F = part |s|^2/Y, Y = |s|^2/m_0 + sum |A_k s|^2/m_k, changes sum m d^2/2
-    by
-      -F |s|^2 + F^2 Y/2 = -part (1 - part/2) |s|^4/Y <= 0, as 0 <= part <= 1,
-    so that no contact gains energy by friction. Nor do all at once: a particle moves by the mean displacement of
-    its pieces, and the energy of a mean is at most the mean energy (R. Tonge et al., SIGGRAPH 2012, on splitting).
-    `part` is 1 where F |s| <= static_friction press, else Coulomb's: F |s| = dynamic_friction press.
+    tangential part. The impulse p f changes sum m d^2/2 by p f.s + p^2 Y/2, Y = `response` of f. This is least at
+    p = -f.s/Y, and no gain from 0 to there. With f = -s this p stops the slip. Coulomb's law limits the friction of
+    the substep, not that of the sweep: where the sum would exceed static_friction times the normal impulse, f leads
+    to the nearest sum of dynamic_friction times it, and p is at most 1. So no contact gains energy by friction. Nor
+    do all at once: a particle moves by the mean displacement of its pieces, and the energy of a mean is at most the
+    mean energy (R. Tonge et al., SIGGRAPH 2012, on splitting).
     """
-    (a, b, c), (q, w), (u, v) = weights, edges, before
+    (q, w), (u, v), (press, used) = edges, before, impulses
     second, third, lift = gradients(r, q, w)
     d, e = less(q, 1.0, u), less(w, 1.0, v)
     s = less(slid, 1.0, carried(r, d, e, second, third, lift))
     s = less(s, along(n, s), n)
     x, y = levers(r, s, second, third, lift)
-    fa = a * s[0] - (x[0] + y[0]), a * s[1] - (x[1] + y[1]), a * s[2] - (x[2] + y[2])
-    fb, fc = less(x, -b, s), less(y, -c, s)
-    squared = along(s, s)
-    yields = (masses[0] * squared + masses[1] * along(fa, fa)) + (masses[2] * along(fb, fb) + masses[3] * along(fc, fc))
-    stops = squared * inverse(yields)
-    stops = stops * slip(stops * sqrt(squared), press, static_friction, dynamic_friction)
-    return times(-stops, s), times(-stops, x), times(-stops, y)
+    stops = along(s, s) * inverse(response(s, x, y, weights, masses))
+    total = less(used, stops, s)
+    part = slip(length(total[0], total[1], total[2]), press, static_friction, dynamic_friction)
+    if part == 1.0:
+        return times(-stops, s), times(-stops, x), times(-stops, y)
+    f = less(times(part, total), 1.0, used)
+    x, y = levers(r, f, second, third, lift)
+    p = min(max(-(along(s, f) * inverse(response(f, x, y, weights, masses))), 0.0), 1.0)
+    return times(p, f), times(p, x), times(p, y)

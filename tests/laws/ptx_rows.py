@@ -176,8 +176,8 @@ def contacts_of_surfaces() -> Iterator[Row]:
     yield Row(
         "contact.self_find:make_find", find, atomics=some("hash_cells", "fill_buckets", "find_contacts"), allowed=local
     )
-    links = {"fill_links": "IIII", "sort_links": "III", "load_up": "IRIIIRR"}
-    moves = {"deepen": "RRIIRRIIIR", "push": "RRIIRRRRKR", "gather": "RIRIIIRRR"}
+    links = {"fill_links": "IIIIR", "sort_links": "III", "load_up": "IRIIIRR"}
+    moves = {"deepen": "RRIIRRIIIR", "push": "RRIIRRRRKRR", "gather": "RIRIIIRRRR"}
     for friction in (True, False):
         yield Row(
             "contact.self_project:make_project", links | moves, (friction,), atomics=some("fill_links"), rare=friction
@@ -185,7 +185,7 @@ def contacts_of_surfaces() -> Iterator[Row]:
     yield Row("core.scan:make_scan", {"chunks": "III", "totals": "I", "add": "III"}, takes="")
     find = {"take": "RIR", "clear": "II", "find_contacts": "RRRIIIIIIIISRIIRRIIL"}
     yield Row("contact.surfaces_find:make_find", find, atomics=some("find_contacts"), allowed=local)
-    rub = {"push": "RRIIRRRRSR", "rub": "RRIIRRRRSRR", "gather_rubbed": "RIRIIIRRRR"}
+    rub = {"push": "RRIIRRRRSRR", "rub": "RRIIRRRRSRR", "gather_rubbed": "RIRIIIRRRR"}
     yield Row("contact.self_project:make_project", moves | rub, (True, True))
 
 

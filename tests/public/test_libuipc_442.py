@@ -11,18 +11,25 @@ from softlab.model.formulas.elastic import friction
 from softlab.model.scene.scene import Scene
 
 
-def dropped(factor: float, iterations: int) -> np.ndarray:
-    """Positions (particles, 3), over `factor`, of a box after its first touch of a floor; all lengths times the factor."""
+def dropped(factor: float, floor_kind: str = "plane", **method: float | str) -> np.ndarray:
+    """Positions (particles, 3), over `factor`, of a box after its first touch of a floor, a plane or a pinned body; all
+    lengths times the factor."""
     box = {
         "kind": "tetrahedral_body", "shape": {"name": "box", "sides": [0.2 * factor] * 3}, "edge": 0.2 * factor,
         "origin": [0.013 * factor, 0.115 * factor, 0.007 * factor], "young_modulus": 1e4, "poisson_ratio": 0.3,
     }  # fmt: skip
-    floor = {"kind": "plane", "static_friction": 0.6, "dynamic_friction": 0.5}
-    method = {"solver": "vbd", "dt": 1 / 60, "iterations": iterations}
-    scene = Scene({"box": box, "floor": floor, "gravity": {"acceleration": 9.81 * factor}, "method": method})
+    friction = {"static_friction": 0.6, "dynamic_friction": 0.5}
+    parts: dict[str, dict] = {"floor": {"kind": "plane"} | friction}
+    if floor_kind == "body":
+        slab = {"sides": [0.6 * factor, 0.2 * factor, 0.6 * factor]}
+        pinned = {"origin": [0.0, -0.105 * factor, 0.0], "pinned": ["top", "bottom", "left", "right"]}
+        parts = {"slab": box | {"shape": {"name": "box"} | slab} | pinned}
+        parts["contact"] = friction | {"distance": 0.01 * factor, "separation_speed": 3.0 * factor, "sweeps": 4}
+    parts |= {"box": box, "gravity": {"acceleration": 9.81 * factor}, "method": {"dt": 1 / 60} | method}
+    scene = Scene(parts)
     with open_simulation(scene, precision="float64", math="exact", threads=1) as simulation:
         simulation.advance(5)
-        return simulation.read("position") / factor
+        return simulation.read("position")[scene.tetrahedra_set.first_particle[-1] :] / factor
 
 
 @pytest.mark.parametrize("iterations", [1, 4])
@@ -30,9 +37,17 @@ def test_a_rounding_of_the_size_changes_a_rounding_of_the_motion(iterations: int
     """A box and one 1 + 2^-40 times as large touch a floor without sliding. Places are off by 2^-53 of 0.2 m, magnified by
     contacts ten times as hard as what holds a vertex and by four steps: less than 1e4. SLIP and SMALLEST are no lengths of
     the scene: 2^-40 of them. They were 2e-4 m apart, since exactly 0 slip had no friction's block."""
-    one, other = (dropped(factor, iterations) for factor in (1.0, 1 + 2.0**-40))
+    one, other = (dropped(factor, solver="vbd", iterations=iterations) for factor in (1.0, 1 + 2.0**-40))
     assert one[:, 1].min() < 0.02  # it touches
     np.testing.assert_allclose(other, one, atol=1e4 * 0.2 * 2.0**-53 + 0.1 * 2.0**-40)
+
+
+@pytest.mark.parametrize(("solver", "floor"), [("xpbd", "plane"), ("newton", "plane"), ("xpbd", "body")])
+def test_other_solvers_have_no_step_at_zero_slip(solver: str, floor: str) -> None:
+    """Nor is a body that is dropped on a pinned one, whose surface rubs it. Newton's method ends within its tolerance."""
+    one, other = (dropped(factor, floor, solver=solver) for factor in (1.0, 1 + 2.0**-40))
+    assert one[:, 1].min() < 0.02  # it touches
+    np.testing.assert_allclose(other, one, atol=1e-8 if solver == "newton" else 1e4 * 0.2 * 2.0**-53)
 
 
 @pytest.mark.parametrize("real", [np.float32, np.float64])

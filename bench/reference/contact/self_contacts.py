@@ -12,7 +12,6 @@ for Real-Time Applications", SIGGRAPH 2014, eq. 24.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -221,12 +220,12 @@ def project(
     before: np.ndarray,
     position: np.ndarray,
     weight: np.ndarray,
-    surfaces: Any = None,
+    press: np.ndarray | None = None,
 ) -> np.ndarray:
     """Return `position` after one sweep: (particles, 3) [m].
 
-    `weight` (particles,): inverse masses, 0 where pinned; `surfaces`: the module surface_contacts for contacts of
-    surfaces.
+    `weight` (particles,): inverse masses, 0 where pinned; `press` (n,): to which normal impulses are added, for
+    surfaces, whose friction comes later.
     """
 
     def offset(p: np.ndarray) -> np.ndarray:
@@ -247,16 +246,14 @@ def project(
     size = np.linalg.norm(slid, axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):
         stopped = np.where(size <= part.static_friction * depth, 1.0, part.dynamic_friction * depth / size)
-        stopped *= surfaces is None  # friction of surfaces comes after all pushes
+        stopped *= press is None
         push = (depth[:, None] * contacts.normal - stopped[:, None] * slid) / bound[:, None]
     moved = np.zeros_like(position)
     np.add.at(moved, contacts.mass[on], push[on])
     np.subtract.at(moved, contacts.corners[on], contacts.weights[on][:, :, None] * push[on][:, None])
-    position = position + weight[:, None] * moved
-    if surfaces is not None and part.static_friction > 0:
-        moved = surfaces.rub(part, contacts.where(on), before, position, weight, depth[on] / bound[on])
-        position = position + weight[:, None] * moved
-    return position
+    if press is not None:
+        press[on] += depth[on] / bound[on]
+    return position + weight[:, None] * moved
 
 
 def simulate(

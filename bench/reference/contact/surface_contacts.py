@@ -22,6 +22,7 @@ from softlab.bench.reference.contact.self_contacts import (
     nearest_weights,
     triangles_around,
 )
+from softlab.bench.reference.contact.self_contacts import project as push
 from softlab.model.contact.attachments import attachment_sets
 from softlab.model.scene.scene import Scene
 
@@ -54,17 +55,45 @@ def force_matrices(corners: np.ndarray, weights: np.ndarray, r: np.ndarray) -> n
     return result
 
 
+def project(
+    part: Any,
+    contacts: VertexContacts,
+    before: np.ndarray,
+    position: np.ndarray,
+    weight: np.ndarray,
+    sums: np.ndarray | None = None,
+) -> np.ndarray:
+    """Return `position` (particles, 3) [m] after the sweeps of the `part`, those that push, then those of friction.
+
+    `weight` (particles,): inverse masses, 0 where pinned; `sums` (n, 4): the normal impulse and the friction of each
+    contact in the substep so far, which this adds to.
+    """
+    sums = np.zeros((len(contacts.mass), 4)) if sums is None else sums
+    for _ in range(part.sweeps):
+        position = push(part, contacts, before, position, weight, sums[:, 0])
+    pressed = sums[:, 0] > 0
+    for _ in range(part.sweeps if part.static_friction > 0 else 0):
+        rubbed = sums[pressed]
+        moved = rub(part, contacts.where(pressed), before, position, weight, rubbed)
+        position, sums[pressed] = position + weight[:, None] * moved, rubbed
+    return position
+
+
 def rub(
-    part: Any, contacts: VertexContacts, before: np.ndarray, position: np.ndarray, weight: np.ndarray, press: np.ndarray
+    part: Any, contacts: VertexContacts, before: np.ndarray, position: np.ndarray, weight: np.ndarray, sums: np.ndarray
 ) -> np.ndarray:
     """Return particles' displacements (particles, 3) by friction of the `contacts`, for a weight of 1.
 
-    `position`: after the normal impulses `press` (n,) of all contacts. A particle's mass is split among its contacts.
-    Friction acts against the slip at the vertex, as much as stops it, or as Coulomb's law allows.
+    `position`: after the normal impulses of all contacts. `sums` (n, 4): the normal impulse of each contact in the
+    substep so far, and its friction, which this adds to. A particle's mass is split among its contacts in proportion to
+    their normal impulses. Friction acts against the slip at the vertex, as much as stops it. Coulomb's law limits the
+    friction of the substep: beyond, it goes towards the nearest friction that the dynamic coefficient allows, as far as
+    that takes energy away.
     """
-    parts = contacts.weights + EXTRA_WEIGHT
+    press = sums[:, 0]
+    parts = press[:, None] * (contacts.weights + EXTRA_WEIGHT)
     load = np.zeros(len(position))
-    np.add.at(load, contacts.mass, 1.0)
+    np.add.at(load, contacts.mass, press)
     np.add.at(load, contacts.corners, parts)
     moved, split = np.zeros_like(position), weight * load
     matrices = force_matrices(
@@ -76,15 +105,25 @@ def rub(
         slip = position[vertex] - before[vertex]
         slip = slip - np.einsum("kdc,kd->c", matrices[n], position[corners] - before[corners])
         slip = slip - (slip @ normal) * normal
-        each = matrices[n] @ slip
-        yielding = split[vertex] * (slip @ slip) + masses @ (each**2).sum(axis=1)
-        stops = slip @ slip / yielding if yielding > 0 else 0.0
-        asked = stops * float(np.linalg.norm(slip))
-        if asked > part.static_friction * press[n]:
-            stops *= part.dynamic_friction * press[n] / asked
-        moved[vertex] -= stops * slip
-        moved[corners] += stops * each
+        change = -slip * _largest_loss(slip, -slip, matrices[n], split[vertex] / press[n], masses)
+        total = sums[n, 1:] + change
+        size = float(np.linalg.norm(total))
+        if size > part.static_friction * press[n]:
+            change = total * (part.dynamic_friction * press[n] / size) - sums[n, 1:]
+            change = change * np.clip(_largest_loss(slip, change, matrices[n], split[vertex] / press[n], masses), 0, 1)
+        sums[n, 1:] += change
+        moved[vertex] += change
+        moved[corners] -= matrices[n] @ change
     return moved
+
+
+def _largest_loss(slip: np.ndarray, force: np.ndarray, matrices: np.ndarray, own: float, masses: np.ndarray) -> float:
+    """Return the multiple of `force` (3,) at a vertex that takes away the most energy of its `slip` (3,).
+
+    `matrices` (3, 3, 3): of `force_matrices`; inverse masses: `own` of the vertex, `masses` (3,) of the corners.
+    """
+    yielding = own * (force @ force) + masses @ ((matrices @ force) ** 2).sum(axis=1)
+    return float(-(force @ slip) / yielding) if yielding > 0 else 0.0
 
 
 def _outward(

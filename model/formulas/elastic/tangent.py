@@ -28,8 +28,8 @@ from softlab.model.formulas.elastic import deformation
 from softlab.model.formulas.elastic.deformation import cofactor, determinant
 from softlab.model.formulas.lengths import dot
 
-SWEEPS_32, SWEEPS_64 = 4, 6
-SWEEPS = {4: SWEEPS_32, 8: SWEEPS_64}  # of Jacobi's method over a 3 x 3 matrix, by the bytes of a number: it converges quadratically
+SWEEPS_32, SWEEPS_64 = 4, 6  # of Jacobi's method over a 3 x 3 matrix: it converges quadratically
+SWEEPS = {4: SWEEPS_32, 8: SWEEPS_64}  # by the bytes of a number
 FLATTEST = 0.05  # smallest s_i + s_j of a twist: below it the corner is inverted, where R jumps
 OPERATIONS_STRESS = (
     deformation.OPERATIONS_GRADIENT + deformation.OPERATIONS_COFACTOR + 60 + deformation.OPERATIONS_CORNERS
