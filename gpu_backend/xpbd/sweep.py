@@ -1,7 +1,7 @@
 """An iteration over all constraints of a tile in a block's shared memory, as device functions.
 
 A thread processes the same constraints in every iteration, so their multipliers stay in its registers: an array of
-numbers whose loops the compiler unrolls (tests/laws/ptx_rows.py: nothing is left in local memory).
+numbers whose loops the compiler unrolls (tests/kernels/ptx_rows.py: nothing is left in local memory).
 After each colour the block's threads synchronise; no colour is a launch.
 """
 

@@ -1,4 +1,4 @@
-"""The grid's CUDA kernels compiled without a GPU: what the table of tests/laws/ptx_rows.py cannot say by counts."""
+"""The grid's CUDA kernels compiled without a GPU: what the table of tests/kernels/ptx_rows.py cannot say by counts."""
 
 from __future__ import annotations
 
