@@ -135,7 +135,7 @@ def make_touches(compiler: Compiler, real: Real, parts: frozenset[str]) -> Simpl
 
     def of_surface(topic: ModuleType) -> Callable:
         """Make the swept test in the collider's own frame (model/formulas/frame.py)."""
-        touch_at = compiler.formulas(topic, real, bounces=bounces, in_place=in_place).touch
+        touch_at = compiler.formulas(topic, real, {"bounces": bounces, "in_place": in_place}).touch
 
         @compiled
         def touch_surface(body, begin, end, slow, a, p, v):

@@ -7,7 +7,7 @@ whatever they call their variant, and the content of a kernel is part of the nam
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cache
 from pathlib import Path
 from types import ModuleType
@@ -77,13 +77,15 @@ class Compiler:
         """Compile as `compiled`, for functions with so many arguments that passing them costs more than a short row."""
         return self._compiled_once(function, inline=True)
 
-    def formulas(self, module: ModuleType, real: Real, inline: bool = False, **features: Any) -> Formulas:
+    def formulas(
+        self, module: ModuleType, real: Real, features: Mapping[str, Any] | None = None, inline: bool = False
+    ) -> Formulas:
         """Return the formulas of a module in a variant."""
-        return self.variant_of(real, inline, **features).of(module)
+        return self.variant_of(real, features, inline).of(module)
 
-    def variant_of(self, real: Real, inline: bool = False, **features: Any) -> Variant:
+    def variant_of(self, real: Real, features: Mapping[str, Any] | None = None, inline: bool = False) -> Variant:
         """Return what compiles formulas in a precision, `compiled` or `inlined`; see model/base/variant.py."""
-        variant = real, inline, frozenset(features.items())
+        variant = real, inline, frozenset((features or {}).items())
         if variant not in self._variants:
             self._variants[variant] = Variant(real, self.inlined if inline else self.compiled, features)
         return self._variants[variant]

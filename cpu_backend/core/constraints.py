@@ -92,7 +92,7 @@ def make_projections(compiler: Compiler, real: Real, projection: Projection, par
     """
     compiled = compiler.compiled
     # inlined: a call would pass dozens of numbers through memory
-    one = compiler.inlined(compiler.formulas(projection.formulas, real, **dict(projection.flags)).project.py_func)
+    one = compiler.inlined(compiler.formulas(projection.formulas, real, dict(projection.flags)).project.py_func)
     point, weight, put = particles.point, particles.weight, particles.put
     is_soft, is_damped = projection.soft, projection.damped
     run, together = projection.run, projection.run * TOGETHER if projection.run > 1 else 1 << 30

@@ -17,7 +17,7 @@ from softlab.model.core.plan import Moment, StageRun
 
 def make_particle_force(compiler: Compiler, real: Real, axes: int, parts: frozenset[str]) -> Any:
     """Make own(a, k, weight, parameters, integers, step) (model/core/own_forces.py)."""
-    return compiler.variant_of(real, **force_flags(axes, parts))(accelerated(parts))
+    return compiler.variant_of(real, force_flags(axes, parts))(accelerated(parts))
 
 
 def make_particle_force_row(compiler: Compiler, real: Real, axes: int, parts: frozenset[str]) -> Callable:

@@ -19,7 +19,7 @@ from softlab.model.formulas import integrators, springs
 def make_motion_stages(compiler: Compiler, real: Real, integrator: str, has_damping: bool = True) -> SimpleNamespace:
     """Make the kernels of damping and of an integrator."""
     kernel, damped = compiler.kernel, compiler.formulas(springs, real).damped
-    formulas = compiler.formulas(integrators, real, damped=has_damping)
+    formulas = compiler.formulas(integrators, real, {"damped": has_damping})
     first_half, second_half, rk4_stage = formulas.verlet_first_half, formulas.verlet_second_half, formulas.rk4_stage
     one_force = getattr(formulas, integrator.replace("-", "_"), formulas.semi_implicit_euler)
 

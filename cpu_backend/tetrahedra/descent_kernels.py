@@ -65,7 +65,7 @@ def make_visits(real: Real, math: str, material: int, damped: bool, parts: froze
     """
     compiler = Compiler(f"{descent.__name__.rpartition('.')[2]}_{np.dtype(real).name}_{math}", math)
     compiled = compiler.compiled
-    formulas = compiler.formulas(descent, real, material=material, damped=damped)
+    formulas = compiler.formulas(descent, real, {"material": material, "damped": damped})
     element = compiler.inlined(formulas.element.py_func)
     initial_strain, added, moved, coasted = formulas.initial_strain, formulas.added, formulas.moved, formulas.coasted
     pulled, zero, sprung = make_springs(compiler, real).pulled, real(0), bool(parts & PARTS)

@@ -142,7 +142,9 @@ def _make_meetings(real: Real, math: str, parts: frozenset[str]) -> tuple[Callab
 
     def of_surface(topic: ModuleType) -> Callable:
         """Make the collision in the collider's own frame (model/formulas/frame.py)."""
-        touch_at = device_formulas(topic, real, math, bounces=bounces, in_place=FRICTION_IN_PLACE in parts).touch
+        touch_at = device_formulas(
+            topic, real, math, {"bounces": bounces, "in_place": FRICTION_IN_PLACE in parts}
+        ).touch
 
         @inline
         def push_from_surface(before, p, v, slow, bodies, at, begin, end):

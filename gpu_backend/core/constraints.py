@@ -171,7 +171,7 @@ def make_one(real: Real, math: str, projection: Projection) -> SimpleNamespace:
     its particles, `ends` being its corners; `one(before, multipliers, ends, quads, values, count, place, fresh,
     constants)`: the particles that its projection moves; `put_all(position, ends, count, place, quads)`: store these.
     """
-    project = device_formulas(projection.formulas, real, math, **dict(projection.flags)).project
+    project = device_formulas(projection.formulas, real, math, dict(projection.flags)).project
     inline, is_soft, is_damped = inlined(math), projection.soft, projection.damped
     zero = real(0)
 

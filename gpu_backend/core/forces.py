@@ -40,7 +40,7 @@ def make_forces(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace
     parameters)` adds gravity; `add_particle_force(..., k, weight, parameters, integers, step)` adds all forces on
     single particles. The last two map the acceleration (ax, ay, az, ...) to (ax, ay, az)."""
     particle_force, inline, has_gravity = make_particle_force(real, math, 3, parts), inlined(math), "gravity" in parts
-    add_force = device_variant(real, math, True, **force_flags(3, parts))(add)
+    add_force = device_variant(real, math, force_flags(3, parts), inline=True)(add)
 
     @inline
     def add_gravity(ax, ay, az, parameters):
@@ -58,7 +58,7 @@ def make_forces(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace
 @cache
 def make_particle_force(real: Real, math: str, axes: int, parts: frozenset[str]) -> Any:
     """Make own(a, k, weight, parameters, integers, step) (model/core/own_forces.py)."""
-    return device_variant(real, math, True, **force_flags(axes, parts))(accelerated(parts))
+    return device_variant(real, math, force_flags(axes, parts), inline=True)(accelerated(parts))
 
 
 @cache

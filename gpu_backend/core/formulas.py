@@ -11,7 +11,7 @@ of `reciprocal` both branches are computed and one is selected, since the quotie
 from __future__ import annotations
 
 import operator
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cache
 from types import ModuleType
 from typing import Any
@@ -93,11 +93,11 @@ def _variant(real: Real, math: str, inline: bool, features: frozenset[tuple[str,
     return Variant(real, compiled, dict(features), product, instructions)
 
 
-def device_variant(real: Real, math: str, inline: bool = False, **features: Any) -> Variant:
+def device_variant(real: Real, math: str, features: Mapping[str, Any] | None = None, inline: bool = False) -> Variant:
     """Return what compiles formulas as device functions for `math`; see model/base/variant.py."""
-    return _variant(real, math, inline, frozenset(features.items()))
+    return _variant(real, math, inline, frozenset((features or {}).items()))
 
 
-def device_formulas(module: ModuleType, real: Real, math: str, **features: Any) -> Formulas:
+def device_formulas(module: ModuleType, real: Real, math: str, features: Mapping[str, Any] | None = None) -> Formulas:
     """Return the formulas of a module in a variant."""
-    return device_variant(real, math, **features).of(module)
+    return device_variant(real, math, features).of(module)

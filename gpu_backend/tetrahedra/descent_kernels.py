@@ -61,7 +61,7 @@ def make_visits(real: Real, math: str, material: int, damped: bool, parts: froze
     place, substeps, substep)`: for a colour; `spring_offsets` to `numbers`: of springs; `holds` (particles,) [N/m];
     both are read if `parts` has them. `count`: tetrahedra of the material.
     """
-    formulas = device_formulas(descent, real, math, material=material, damped=damped)
+    formulas = device_formulas(descent, real, math, {"material": material, "damped": damped})
     element, initial_strain, added = formulas.element, formulas.initial_strain, formulas.added
     moved, coasted = formulas.moved, formulas.coasted
     pulled, sprung, inline, zero = make_pulled(real, math), bool(parts & PARTS), inlined(math), real(0)

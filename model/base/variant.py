@@ -99,8 +99,8 @@ class Filled:
         return Variant(np.float64)(self)(*arguments)
 
 
-def filled(function: Any, **names: Any) -> Any:
-    """Return a formula with formulas in the place of its open names."""
+def filled(function: Any, names: dict[str, Any]) -> Any:
+    """Return a formula with formulas in the place of its open `names`."""
     return Filled(function, names)
 
 
@@ -177,7 +177,7 @@ class Formulas:
         return self._variant(formula)
 
 
-def plain_formulas(module: ModuleType, real: Any, **features: Any) -> Formulas:
+def plain_formulas(module: ModuleType, real: Any, features: Mapping[str, Any] | None = None) -> Formulas:
     """Return the formulas of a module as plain Python, in a precision."""
     return Variant(real, plain, features).of(module)
 

@@ -167,8 +167,8 @@ def accelerated(parts: frozenset[str]) -> Any:
     `load`."""
     result: Any = unforced
     for each in particle_forces(parts):
-        result = filled(with_force, before=result, force=each.force)
-    return filled(in_sheet, before=result) if WINDOW in parts else result
+        result = filled(with_force, {"before": result, "force": each.force})
+    return filled(in_sheet, {"before": result}) if WINDOW in parts else result
 
 
 def force_flags(axes: int, parts: frozenset[str]) -> dict[str, Any]:

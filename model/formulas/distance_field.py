@@ -150,4 +150,4 @@ def settle(numbers, field, surface, spin, velocity, a, p, v):
     return touched, (x, y, z), (vx, vy, vz)
 
 
-touch = filled(frame.touch, settle=settle)
+touch = filled(frame.touch, {"settle": settle})

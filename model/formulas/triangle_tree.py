@@ -266,4 +266,4 @@ def settle(numbers, tree, surface, spin, velocity, a, p, v):
     return touched, (x, y, z), (vx, vy, vz)
 
 
-touch = filled(frame.touch, settle=settle)
+touch = filled(frame.touch, {"settle": settle})

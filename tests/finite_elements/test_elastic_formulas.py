@@ -34,7 +34,7 @@ TABLE = [  # NUMERICS of the lab, 1e5 Pa, 0.3: F; fixed corotated W, and P's dia
 
 
 def of(material: str, real: type = np.float64):
-    return plain_formulas(energy, real, material=MATERIALS.index(material))
+    return plain_formulas(energy, real, {"material": MATERIALS.index(material)})
 
 
 def stress(material: str, f: np.ndarray) -> np.ndarray:
@@ -98,7 +98,7 @@ def test_a_rotation_changes_nothing(material: str) -> None:
 def block_and_force(
     material: str, points: np.ndarray, values: np.ndarray, corner: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    formulas = plain_formulas(descent, np.float64, material=MATERIALS.index(material))
+    formulas = plain_formulas(descent, np.float64, {"material": MATERIALS.index(material)})
     nothing = (0.0,) * descent.STRAINS
     sums = formulas.element(tuple(map(tuple, points)), tuple(values), nothing, corner, 1.0)
     x, y, z, xy, xz, yz = sums[3:]
@@ -141,7 +141,7 @@ def test_the_block_is_no_less_than_the_curvature(material: str, corner: int) -> 
 def test_a_damper_brakes_strains_and_no_rigid_motion(material: str) -> None:
     """A turned and moved tetrahedron is where it was to a damper; a small strain since then is worth time / h of its
     force, but for what is of second order in strains of 1e-4. Its forces have no moment, however large the strain."""
-    formulas = plain_formulas(descent, np.float64, material=MATERIALS.index(material), damped=True)
+    formulas = plain_formulas(descent, np.float64, {"material": MATERIALS.index(material), "damped": True})
     rest = np.array([[0.0, 0, 0], [1, 0, 0], [0.2, 1.1, 0], [0.1, 0.3, 0.9]])
     inverse = np.linalg.inv((rest[1:] - rest[0]).T)
     values = tuple(np.concatenate([inverse.ravel(), CONSTANTS[material], [0.02]]))

@@ -94,7 +94,7 @@ def visited(position: np.ndarray, how: str, kept: bool) -> np.ndarray:
     assert np.linalg.det(turned) > 0
     b = np.linalg.inv(upper)
     values = [*b[np.triu_indices(3)], 1 / (2 * body.mu[0] * body.volume[0]), 0.0, 1.0, 0.0]
-    project = plain_formulas(tetrahedron, np.float64, blocks=True, soft=kept, alone=False).project
+    project = plain_formulas(tetrahedron, np.float64, {"blocks": True, "soft": kept, "alone": False}).project
     points, _ = project(position, FLAT, inverse_mass, values, np.zeros(10), (1 / H**2, 1 / H, 1.0))
     return np.array(points)
 

@@ -77,7 +77,7 @@ def test_formulas_are_the_amplification_matrices(dt, w, gamma, x, v):
     `lab` divides a difference of positions by dt, and with it the rounding of both, four operations of eps |p| each, in the
     formula and in the matrix.
     """
-    make = plain_formulas(integrators, np.float64, damped=True)
+    make = plain_formulas(integrators, np.float64, {"damped": True})
     for name in INTEGRATORS:
         a = -w * w * x - gamma * v
         if name == "velocity-verlet":

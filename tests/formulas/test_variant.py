@@ -81,7 +81,7 @@ def counted(n):
 @pytest.mark.parametrize("kind", [np.float32, np.float64])
 def test_literals_and_constants_have_the_precision(kind: Any) -> None:
     variant = Variant(kind)
-    for made, x in ((variant(third), 1), (variant(halved), 1), (variant(filled(ended, end=third)), 1)):
+    for made, x in ((variant(third), 1), (variant(halved), 1), (variant(filled(ended, {"end": third})), 1)):
         assert type(made(kind(x))) is kind
     assert variant(halved)(kind(3)) == kind(0.5) * (kind(THIRD) * kind(3))
     assert np.finfo(np.float64).tiny == SMALLEST and Variant(kind)._within(SMALLEST) == np.finfo(kind).tiny
@@ -89,7 +89,7 @@ def test_literals_and_constants_have_the_precision(kind: Any) -> None:
 
 def test_as_plain_python_it_is_the_function_that_stands_there() -> None:
     assert halved(3.0) == Variant(np.float64)(halved)(3.0) == 0.5 * (THIRD * 3.0)
-    assert filled(ended, end=third)(3.0) == THIRD * 3.0 + 0.2
+    assert filled(ended, {"end": third})(3.0) == THIRD * 3.0 + 0.2
 
 
 def test_a_feature_is_a_constant_and_what_it_excludes_is_gone() -> None:
@@ -156,4 +156,4 @@ def test_every_function_of_the_formulas_is_marked() -> None:
             if isinstance(node, ast.FunctionDef) and not node.decorator_list and node.returns is None:
                 unmarked.append(f"{path.name}: {node.name}")
     assert unmarked == []
-    assert is_formula(third) and is_formula(filled(ended, end=third)) and not is_formula(plain)
+    assert is_formula(third) and is_formula(filled(ended, {"end": third})) and not is_formula(plain)

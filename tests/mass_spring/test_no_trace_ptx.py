@@ -160,11 +160,11 @@ def unknowing(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     made = (point.make_point_functions, point.make_moves, forces.make_particle_force)
     compile_formulas = point.device_formulas
 
-    def formulas(module: Any, real: Any, math: str, **features: bool) -> Any:
+    def formulas(module: Any, real: Any, math: str, features: Any = None) -> Any:
         if module is point.springs:
             pull = compile_formulas(module, real, math).spring_acceleration_2d
             return SimpleNamespace(spring_acceleration_2d=pull, damped=never_known)
-        return compile_formulas(module, real, math, **features)
+        return compile_formulas(module, real, math, features)
 
     monkeypatch.setattr(point, "device_formulas", formulas)
     monkeypatch.setattr(own_forces, "add_external", never_known)

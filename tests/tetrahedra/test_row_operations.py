@@ -62,7 +62,7 @@ def test_rows_of_a_tetrahedron(material: int, blocks: bool, alone: bool, damped:
     }  # fmt: skip
     corners = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
     values = [1, 0, 0, 1, 0, 1, 0.1, 0.1, 1, 0.1]
-    found = carried_out(plain_formulas(tetrahedron, Counting, **flags).project, corners, values, tetrahedron.BLOCKS)
+    found = carried_out(plain_formulas(tetrahedron, Counting, flags).project, corners, values, tetrahedron.BLOCKS)
     assert tetrahedron.operations(item=8, **flags) == pytest.approx(found, rel=0.1)
 
 
@@ -71,7 +71,7 @@ def test_volume_of_a_voxel(damped: bool) -> None:
     """To a tenth, as above."""
     x, y, z = np.meshgrid([0.0, 1], [0.0, 1], [0.0, 1], indexing="ij")
     corners = np.column_stack([x.ravel(), y.ravel(), z.ravel()])
-    project = plain_formulas(voxel_volume, Counting, damped=damped, soft=True).project
+    project = plain_formulas(voxel_volume, Counting, {"damped": damped, "soft": True}).project
     found = carried_out(project, corners, [1 / 6, 0.1, 1, 0.1], 1)
     told = voxel_volume.OPERATIONS + damped * voxel_volume.OPERATIONS_DAMPER
     assert told == pytest.approx(found, rel=0.1)

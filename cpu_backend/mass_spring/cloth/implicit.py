@@ -135,7 +135,7 @@ def make_cloth_implicit(real: Real, math: str, linear: bool, parts: frozenset[st
     """
     compiler = Compiler(cloth_variant(f"implicit_{'once' if linear else 'newton'}", real, math, parts), math)
     pass_band, total = make_pass_band(compiler, real, parts), make_sums_over_masses(compiler, real).total
-    control = compiler.formulas(implicit, real, linear=linear)
+    control = compiler.formulas(implicit, real, {"linear": linear})
     after_residual, after_product = control.after_residual, control.after_product
     zero, none = real(0), np.int64(0)
 

@@ -45,7 +45,7 @@ def make_finishes(
 ) -> dict[str, Callable]:
     """Make, by a pass's name, finish(p, v, closing, opening, parameters) -> (p', v') of one axis of a mass."""
     compiled = compiler.compiled
-    formulas = compiler.formulas(integrators, real, damped=has_damping)
+    formulas = compiler.formulas(integrators, real, {"damped": has_damping})
     if integrator != "velocity-verlet":
         one_force = getattr(formulas, integrator.replace("-", "_"))
 

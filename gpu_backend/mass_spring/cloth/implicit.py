@@ -146,7 +146,7 @@ def make_cloth_implicit(real: Real, math: str, linear: bool, parts: frozenset[st
     start, residual, product = point.start, point.residual, point.product
     update, move, finish, air_now = point.update, point.move, point.finish, point.air_now
     barrier, add_segment, total = make_barrier(math), meetings.add_segment, meetings.total
-    control = device_formulas(implicit, real, math, linear=linear)
+    control = device_formulas(implicit, real, math, {"linear": linear})
     after_residual, after_product = control.after_residual, control.after_product
     current_step = make_cloth_forces(real, math, parts).current_step
     has_wind, zero, none, shared = "wind" in parts, real(0), np.int64(0), SUMS * TREE

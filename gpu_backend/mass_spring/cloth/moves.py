@@ -31,7 +31,7 @@ def make_cloth_kicks(real: Real, math: str, integrator: str, parts: frozenset[st
     forces, collide = make_cloth_forces(real, math, parts), make_collide(real, math, parts)
     pin = make_pins(real, math, parts).pin
     add_particle_force, damp = forces.add_particle_force, forces.damp
-    formulas = device_formulas(integrators, real, math, damped=True)
+    formulas = device_formulas(integrators, real, math, {"damped": True})
     first_half, second_half = formulas.verlet_first_half, formulas.verlet_second_half
     verlet = integrator == "velocity-verlet"
     one_force = formulas.semi_implicit_euler if verlet else getattr(formulas, integrator.replace("-", "_"))

@@ -76,7 +76,7 @@ def make_force_stages(real: Real, math: str, integrator: str, parts: frozenset[s
 @cache
 def make_motion_stages(real: Real, math: str, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
     """Compile the stages that move masses."""
-    formulas = device_formulas(integrators, real, math, damped=True)
+    formulas = device_formulas(integrators, real, math, {"damped": True})
     first_half, second_half, rk4_stage = formulas.verlet_first_half, formulas.verlet_second_half, formulas.rk4_stage
     one_force = getattr(formulas, integrator.replace("-", "_"), formulas.semi_implicit_euler)
     zero = real(0)

@@ -83,7 +83,7 @@ def make_point_functions(real: Real, math: str, integrator: str, parts: frozense
     pulls = device_formulas(springs, real, math)
     spring_acceleration_2d, damped = pulls.spring_acceleration_2d, pulls.damped
     spring_sum = _make_spring_sum(real, device, spring_acceleration_2d, parts)
-    formulas = device_formulas(integrators, real, math, damped="damping" in parts)
+    formulas = device_formulas(integrators, real, math, {"damped": "damping" in parts})
     particle_force = make_particle_force(real, math, 2, parts)
     has_gravity, has_damping = "gravity" in parts, "damping" in parts
     changes, zero = particle_forces_change(parts), real(0)

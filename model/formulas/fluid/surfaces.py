@@ -69,5 +69,5 @@ def away_from_field(numbers, field, x, y, z, max_distance):
     return distance + length(x - u, y - v, z - w), nx / size, ny / size, nz / size
 
 
-mesh_collider = filled(seen, away=away_from_mesh)
-distance_field = filled(seen, away=away_from_field)
+mesh_collider = filled(seen, {"away": away_from_mesh})
+distance_field = filled(seen, {"away": away_from_field})
