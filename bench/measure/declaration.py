@@ -101,7 +101,8 @@ class Sentence:
 
     def of(self, backends: Iterable[tuple[str, str, Sequence[Any]]]) -> tuple[str, dict[str, float]]:
         """Return (sentence, numbers) of (backend, its place in words, rows); without numbers it is `missing`."""
-        parts, numbers = [], {}
+        parts: list[str] = []
+        numbers: dict[str, float] = {}
         for backend, place, rows in backends:
             if (part := self.part(rows)) is not None:
                 parts.append(self.form.format(part=part[0], place=place))

@@ -15,6 +15,7 @@ from numba import prange
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.progress import assigned
 from softlab.model.base.types import Real
+from softlab.model.base.variant import Formulas
 from softlab.model.contact.self_contact_parameters import (
     MAX_CONTACTS,
     SPAN,
@@ -65,11 +66,11 @@ def make_slots(compiler: Compiler, count: int) -> SimpleNamespace:
     return SimpleNamespace(place_of=place_of, copy=copy)
 
 
-def _make_triangle(compiler: Compiler, real: Real, formulas: SimpleNamespace, numbers: SimpleNamespace) -> Callable:
+def _make_triangle(compiler: Compiler, real: Real, formulas: Formulas) -> Callable:
     """Make add_contact(mass, triangle, begin, move, columns, parameters, contacts, contact_count), see below."""
     nearest, away, length, dot = formulas.nearest, formulas.away, formulas.length, formulas.dot
     rest_distance, normal, enforced_distance = formulas.rest_distance, formulas.normal, formulas.enforced_distance
-    corners_of, owns = numbers.corners, numbers.owns
+    corners_of, owns = formulas.corners, formulas.owns
     slots, two = make_slots(compiler, VALUES), np.int64(2)
     place_of, copy = slots.place_of, slots.copy
 
@@ -142,10 +143,10 @@ def _make_space(compiler: Compiler, real: Real, formulas: SimpleNamespace) -> Si
     return SimpleNamespace(floor=floor, relative=relative)
 
 
-def _make_hash(compiler: Compiler, real: Real, formulas: SimpleNamespace, numbers: SimpleNamespace) -> Callable:
+def _make_hash(compiler: Compiler, real: Real, formulas: Formulas) -> Callable:
     """Make hash_cells: see the inner function."""
     space, middle, scaled, zero = _make_space(compiler, real, formulas), formulas.middle, formulas.scaled, real(0)
-    floor, relative, key_of, bucket_of = space.floor, space.relative, numbers.key, numbers.bucket
+    floor, relative, key_of, bucket_of = space.floor, space.relative, formulas.key, formulas.bucket
 
     @compiler.compiled
     def enclose(q, a, columns, begin, move, reference, boxes, center):
@@ -242,11 +243,11 @@ def _make_hash(compiler: Compiler, real: Real, formulas: SimpleNamespace, number
     return compiler.team(hash_cells)
 
 
-def _make_search(compiler: Compiler, real: Real, formulas: SimpleNamespace, numbers: SimpleNamespace) -> Callable:
+def _make_search(compiler: Compiler, real: Real, formulas: Formulas) -> Callable:
     """Make find_contacts: see the inner function."""
     space, scaled, zero = _make_space(compiler, real, formulas), formulas.scaled, real(0)
-    floor, relative, key_of, bucket_of = space.floor, space.relative, numbers.key, numbers.bucket
-    add_contact = _make_triangle(compiler, real, formulas, numbers)
+    floor, relative, key_of, bucket_of = space.floor, space.relative, formulas.key, formulas.bucket
+    add_contact = _make_triangle(compiler, real, formulas)
 
     @compiler.compiled
     def beside(x, y, z, radius, boxes, q):
@@ -302,5 +303,5 @@ def _make_search(compiler: Compiler, real: Real, formulas: SimpleNamespace, numb
 def make_find(real: Real, math: str) -> SimpleNamespace:
     """Compile `hash_cells` and `find_contacts`; the arrays are those of cpu_backend/contact/self_contact.py."""
     compiler = Compiler(f"{np.dtype(real).name}_{math}", math)
-    arguments = compiler, real, compiler.formulas(contact, real), compiler.formulas(contact, None)
+    arguments = compiler, real, compiler.formulas(contact, real)
     return SimpleNamespace(hash_cells=_make_hash(*arguments), find_contacts=_make_search(*arguments))

@@ -13,6 +13,7 @@ import numpy as np
 from softlab.cpu_backend.contact.self_find import V_B, V_C, V_ENFORCED, V_NX, V_NY, V_NZ
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.progress import assigned
+from softlab.model.base.variant import Formulas
 from softlab.model.contact.self_contact_parameters import MAX_CONTACTS
 from softlab.model.formulas import contact, surface_contact
 
@@ -93,7 +94,7 @@ def _make_now(compiler: Compiler, real: Any) -> SimpleNamespace:
 
 
 def _make_contact(
-    compiler: Compiler, real: Any, formulas: SimpleNamespace, friction: bool, surfaces: bool
+    compiler: Compiler, real: Any, formulas: Formulas, friction: bool, surfaces: bool
 ) -> tuple[Any, Any, Any]:
     """Make (depth_of, push, rub), for one contact; `rub` is the friction of surfaces, after all of `push`."""
     current, zero = _make_now(compiler, real), real(0)
@@ -211,7 +212,7 @@ def _make_link(compiler: Compiler, real: Any, levered: bool) -> Any:
     return compiler.team(link_contacts)
 
 
-def _make_gather(compiler: Compiler, real: Any, formulas: SimpleNamespace) -> tuple[Any, Any]:
+def _make_gather(compiler: Compiler, real: Any, formulas: Formulas) -> tuple[Any, Any]:
     """Make (gather, load_of), for one mass."""
     first_weight, taken, zero, one = formulas.first_weight, formulas.taken, real(0), real(1)
     load_at = _make_now(compiler, real).load

@@ -27,7 +27,7 @@ def make_air(compiler: Compiler, real: Real, parts: frozenset[str]) -> Callable:
     compiled = compiler.compiled
     formulas, gusty = compiler.formulas(wind, real), compiler.formulas(cloth, real).gusty
     stage_time, gust_interval, gust = formulas.stage_time, formulas.gust_interval, formulas.gust
-    philox, stream = compiler.formulas(random, None).philox, np.uint64(wind.GUST_STREAM)
+    philox, stream = compiler.formulas(random, real).philox, np.uint64(wind.GUST_STREAM)
     has_gust = "gust" in parts
 
     @compiled

@@ -287,7 +287,8 @@ class _Specialise(ast.NodeTransformer):
             right = node.comparators[0]
             value = self.known.get(right.id) if isinstance(right, ast.Name) else getattr(right, "value", None)
             if isinstance(value, (int, str)):
-                return ast.copy_location(ast.Constant(COMPARED[type(node.ops[0])](node.left.value, value)), node)
+                compare: Callable[[Any, Any], bool] = COMPARED[type(node.ops[0])]
+                return ast.copy_location(ast.Constant(compare(node.left.value, value)), node)
         return node
 
     def visit_BoolOp(self, node: ast.BoolOp) -> ast.AST:

@@ -15,7 +15,6 @@ from typing import Any
 import numpy as np
 from scipy.spatial import cKDTree
 
-from softlab.model.base.variant import plain_formulas
 from softlab.model.fluid.foam_sources import foaming_speed, full_count, sources
 from softlab.model.fluid.foam_walls import pushed_out
 from softlab.model.formulas import random as formulas_of_random
@@ -48,7 +47,7 @@ class FoamPoints:
 
     def __init__(self, scene: Scene, foam: Foam):
         self.scene, self.foam = scene, foam
-        self._full, self._philox = full_count(scene), plain_formulas(formulas_of_random, None).philox
+        self._full, self._philox = full_count(scene), formulas_of_random.philox
         gravity = scene.gravity.acceleration if scene.gravity and scene.gravity.enabled else 0.0
         self._drag = foam.drag or foam.buoyancy * gravity / (RISING * foaming_speed(scene, foam))
         self._gravity = np.array([0.0, -gravity, 0.0])[: scene.dimensions]

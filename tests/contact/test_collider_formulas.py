@@ -146,6 +146,7 @@ class Uncompiled:
     """Stands for the CPU backend's compiler: functions stay what they are."""
 
     compiled = inlined = row = kernel = staticmethod(lambda function: function)
+    formulas = staticmethod(plain_formulas)
 
 
 @pytest.mark.parametrize("real", [np.float64, np.float32])
