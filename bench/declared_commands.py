@@ -34,9 +34,9 @@ class DeclaredCommand(Timed):
 
     def __getattr__(self, name: str) -> Any:
         if name == "help":
-            self.help = _docstring(EXPERIMENTS[self.name][0])
+            self.help = _docstring(EXPERIMENTS[str(self.name)][0])
         elif name in ("params", "callback", "epilog"):
-            declared = experiments(self.name)
+            declared = experiments(str(self.name))
             info = CommandInfo(callback=command_function(declared))
             built = get_command_from_info(info, pretty_exceptions_short=True, rich_markup_mode="rich")
             self.params, self.callback, self.epilog = built.params, built.callback, f"Example: {declared[0].example}"

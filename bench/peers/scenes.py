@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from softlab.bench.experiments.checks import CHECK_STEPS
-from softlab.bench.experiments.sweep import shapes
+from softlab.bench.experiments.sweep import Shape, shapes
 from softlab.bench.peers.bars.tip import ACROSS, BARS, NEAR, Tip, bar_of, exact_tip
 from softlab.model.base.errors import SceneError
 from softlab.model.scene.scene import Scene, load_scene
@@ -61,7 +61,7 @@ class PeerScene:
     bound: float | None = None
     tip: Callable[[Scene], Tip] | None = None
 
-    def sized(self, quick: bool, sizes: Iterable[int] | None) -> list[Scene]:
+    def sized(self, quick: bool, sizes: Iterable[int | Shape] | None) -> list[Scene]:
         """Return the scene at every size, smallest first. Raises SceneError for an impossible one."""
         usual = tuple(n for n in self.squares if n <= QUICK_SQUARES[-1])[:2] if quick else self.squares
         chosen = sizes if sizes is not None else QUICK_SQUARES if quick and self.word == "grid" else usual

@@ -39,7 +39,8 @@ def run_peers(
 
     Raises SceneError (an impossible choice), InputError (the store), BackendUnavailable (a requested backend).
     """
-    asked = Asked(**{"command": "softlab sweep --peers", "again": False} | how)
+    usual: dict[str, Any] = {"command": "softlab sweep --peers", "again": False}
+    asked = Asked(**usual | how)
     effort, quick = asked.effort(), asked.quick
     here = backends_here(asked.backends)
     lengths = None if asked.sizes is None else list(asked.sizes)
