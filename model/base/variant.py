@@ -177,9 +177,13 @@ class Variant:
 
     def _copied(self, formula: Any) -> FunctionType:
         function, names = (formula.function, formula.names) if isinstance(formula, Filled) else (formula, {})
-        known = function.__globals__ | names
+        known = vars(builtins) | function.__globals__ | names
         rounded = self.product is not None and function.rounds_products
         code, used, constants = specialised(function, self.features, rounded)
+        if undefined := sorted(used - known.keys() - constants.keys() - {PRODUCT}):
+            raise NameError(
+                f"{place(function)}: the formula {function.__name__} uses {undefined[0]}, which is not defined"
+            )
         space = {name: self._within(known[name], function) for name in used & known.keys()}
         space |= {name: self.real(value) for name, value in constants.items()}
         space |= {"__name__": function.__module__, "__builtins__": builtins, PRODUCT: self.product}
@@ -235,11 +239,35 @@ def _unknown_feature(name: str) -> str:
 def specialised(
     function: FunctionType, features: frozenset[tuple[str, Any]], rounded: bool
 ) -> tuple[CodeType, frozenset[str], dict[str, float]]:
-    """Return (code that defines a formula's copy, the names in it, its float literals by the names they get)."""
+    """Return (code that defines a formula's copy, its global names, its float literals by the names they get)."""
     definition, constants = specialised_tree(function, features, rounded)
     tree = ast.fix_missing_locations(ast.Module([definition], []))
-    names = frozenset(node.id for node in ast.walk(tree) if isinstance(node, ast.Name))
+    nodes = [node for node in ast.walk(tree) if isinstance(node, ast.Name)]
+    local = {node.id for node in nodes if isinstance(node.ctx, ast.Store)}
+    local |= {node.arg for node in ast.walk(tree) if isinstance(node, ast.arg)}
+    names = frozenset(node.id for node in nodes) - local
     return compile(tree, inspect.getfile(function), "exec"), names, constants
+
+
+def check_returns(function: FunctionType, count: int, **features: Any) -> None:
+    """Raise TypeError if a formula is none, or a return statement of it has not `count` values."""
+    if not is_formula(function):
+        raise TypeError(f"{place(function)}: {function.__name__} is no formula: write @formula above it")
+    values = [
+        node.value
+        for node in ast.walk(specialised_tree(function, frozenset(features.items()), False)[0])
+        if isinstance(node, ast.Return)
+    ]
+    while values:
+        value = values.pop()
+        if isinstance(value, ast.IfExp):
+            values += [value.body, value.orelse]
+        elif not isinstance(value, (ast.Call, ast.Name)):  # these may be tuples
+            number = len(value.elts) if isinstance(value, ast.Tuple) else 1
+            if number != count:
+                file, line = function.__code__.co_filename, value.lineno if value else function.__code__.co_firstlineno
+                where = f" with {features}" if features else ""
+                raise TypeError(f"{file}:{line}: {function.__name__} returns {number} values{where}, not {count}")
 
 
 def specialised_tree(

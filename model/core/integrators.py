@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from softlab.model.base.variant import check_returns
 from softlab.model.core.build import pinned_indices
 from softlab.model.core.stability.cloth_bounds import laplacian_bound
 from softlab.model.formulas import integrators
@@ -93,6 +94,10 @@ class Integrator:
     note: str
     operations: int = 0
     step: Any = None
+
+    def __post_init__(self) -> None:
+        if self.step is not None:
+            check_returns(self.step, 2)
 
 
 INTEGRATORS = {  # for every sheet

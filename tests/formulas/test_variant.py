@@ -19,6 +19,7 @@ from softlab.model.base.variant import (
     OfPrecision,
     Open,
     Variant,
+    check_returns,
     filled,
     formula,
     integer_formula,
@@ -99,6 +100,22 @@ def calls_helper(x):
     return helper(x)
 
 
+@formula
+def by_axes(x):
+    return (x, x) if FEATURE.axes == 2 else (x, x, x)
+
+
+@formula
+def by_call(x):
+    return by_axes(x)
+
+
+@formula
+def scaled_by_unknown(x):
+    y = 2.0 * x
+    return y * unknown(x)  # noqa: F821
+
+
 @integer_formula
 def counted(n):
     return 2 * n
@@ -177,6 +194,21 @@ def test_what_is_no_formula_is_refused() -> None:
         Variant(np.float32)(ended)
     with pytest.raises(TypeError, match="ROOT is no formula: write @formula"):
         _ = plain_formulas(inspect.getmodule(third), np.float32).ROOT  # type: ignore[arg-type]
+
+
+def test_names_and_returns_are_checked() -> None:
+    with pytest.raises(
+        NameError, match=r"test_variant.py:\d+: the formula scaled_by_unknown uses unknown, which is not defined"
+    ):
+        Variant(np.float64)(scaled_by_unknown)
+    check_returns(by_axes, 2, axes=2)
+    check_returns(halved, 1)
+    check_returns(by_call, 7)  # what the call returns is not known
+    line = by_axes.__code__.co_firstlineno + 2
+    with pytest.raises(TypeError, match=rf"test_variant.py:{line}: by_axes returns 3 values with {{'axes': 3}}, not 2"):
+        check_returns(by_axes, 2, axes=3)
+    with pytest.raises(TypeError, match="helper is no formula: write @formula above it"):
+        check_returns(helper, 1)
 
 
 def test_an_unknown_feature_is_refused() -> None:
