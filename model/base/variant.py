@@ -16,8 +16,8 @@ A formula stands in its module as an ordinary function, where it is found, read 
 - `a * b` is a call of the variant's product, if it has one (for CUDA, which otherwise contracts a * b + c).
 
 Line numbers are those of the file, so that tracebacks and debuggers show it. An integer literal times a float32 is a
-float64 in numba: formulas with one are refused (`2.0 * x`, not `2 * x`). Integer arithmetic is an `integer_formula`,
-whose products stay as they are.
+float64 in numba: formulas with one are refused (`2.0 * x`, not `2 * x`), as are `float(x)` and `np.float64(x)`. Integer
+arithmetic is an `integer_formula`, whose products stay as they are.
 """
 
 from __future__ import annotations
@@ -319,6 +319,13 @@ class _Specialise(ast.NodeTransformer):
             if node.attr not in FEATURES:
                 raise AttributeError(f"{self._line(node)}: {_unknown_feature(node.attr)}")
             return ast.copy_location(ast.Constant(self.features.get(node.attr, False)), node)
+        if node.attr == "float64":
+            self._refuse_float64(node)
+        return self.generic_visit(node)
+
+    def visit_Call(self, node: ast.Call) -> ast.AST:
+        if isinstance(node.func, ast.Name) and node.func.id == "float":
+            self._refuse_float64(node)
         return self.generic_visit(node)
 
     def visit_Subscript(self, node: ast.Subscript) -> ast.AST:
@@ -361,6 +368,12 @@ class _Specialise(ast.NodeTransformer):
                     f"{self._line(node)}: `{ast.unparse(node)}`: an integer literal makes a float32 a float64; write "
                     f"{ast.unparse(operand)}.0, or @integer_formula above a function of integers"
                 )
+
+    def _refuse_float64(self, node: ast.expr) -> None:
+        if self.has_floats:
+            raise TypeError(
+                f"{self._line(node)}: `{ast.unparse(node)}` is a float64; write real(...), or a literal like 1.0"
+            )
 
     def _line(self, node: Any) -> str:
         return f"{self.file}:{node.lineno}"
