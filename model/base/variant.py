@@ -94,18 +94,18 @@ def integer_formula(function: F) -> F:
     return _marked(function, rounds_products=False)
 
 
-def _marked(function: Any, rounds_products: bool) -> Any:
+def _marked(function: F, rounds_products: bool) -> F:
     if function.__name__ != function.__qualname__ or function.__name__ == "<lambda>":
         raise TypeError(
             f"{place(function)}: a formula is a `def` at the top level of a file, not {function.__qualname__}"
         )
-    function.rounds_products = rounds_products
+    function.rounds_products = rounds_products  # type: ignore[attr-defined]
     return function
 
 
-def place(function: FunctionType) -> str:
+def place(function: Any) -> str:
     """Return `file:line` of a function."""
-    return f"{function.__code__.co_filename}:{function.__code__.co_firstlineno}"
+    return f"{inspect.getfile(function)}:{function.__code__.co_firstlineno}"
 
 
 class Open:
@@ -249,7 +249,7 @@ def specialised(
     return compile(tree, inspect.getfile(function), "exec"), names, constants
 
 
-def check_returns(function: FunctionType, count: int, **features: Any) -> None:
+def check_returns(function: Any, count: int, **features: int) -> None:
     """Raise TypeError if a formula is none, or a return statement of it has not `count` values."""
     if not is_formula(function):
         raise TypeError(f"{place(function)}: {function.__name__} is no formula: write @formula above it")
@@ -360,7 +360,7 @@ class _Specialise(ast.NodeTransformer):
         call = ast.Call(ast.Name(PRODUCT, ast.Load()), [left, right], [])
         return ast.copy_location(call, node) if self.rounded else node
 
-    def _refuse_integers(self, node: ast.AST, *operands: ast.expr) -> None:
+    def _refuse_integers(self, node: ast.expr | ast.stmt, *operands: ast.expr) -> None:
         for operand in operands:
             number = operand.operand if isinstance(operand, ast.UnaryOp) else operand
             if self.has_floats and isinstance(number, ast.Constant) and type(number.value) is int:
@@ -375,7 +375,7 @@ class _Specialise(ast.NodeTransformer):
                 f"{self._line(node)}: `{ast.unparse(node)}` is a float64; write real(...), or a literal like 1.0"
             )
 
-    def _line(self, node: Any) -> str:
+    def _line(self, node: ast.expr | ast.stmt) -> str:
         return f"{self.file}:{node.lineno}"
 
     def visit_Compare(self, node: ast.Compare) -> ast.AST:

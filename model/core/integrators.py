@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import inf, sqrt
-from typing import Any
 
 import numpy as np
 
@@ -93,7 +92,7 @@ class Integrator:
     limit: Callable[[float, float], float]
     note: str
     operations: int = 0
-    step: Any = None
+    step: Callable | None = None
 
     def __post_init__(self) -> None:
         if self.step is not None:
@@ -153,7 +152,7 @@ IMPLICIT = {  # for cloths
 }
 
 
-def step_formula(integrator: str) -> Any:
+def step_formula(integrator: str) -> Callable:
     """Return the formula of an integrator's step; of integrators in several passes semi-implicit Euler, which they do
     not call."""
     entry = (INTEGRATORS | IMPLICIT)[integrator]
