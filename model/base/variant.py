@@ -114,7 +114,7 @@ class Open:
     def __init__(self, signature: str):
         self.signature = signature
 
-    def __call__(self, *arguments: Any) -> Any:
+    def __call__(self, *arguments: object) -> Any:
         raise TypeError(f"call a formula made by filled(...): {self.signature} is open")
 
 
@@ -126,7 +126,7 @@ class Filled:
         self.__name__, self.__module__, self.__doc__ = function.__name__, function.__module__, function.__doc__
         self.rounds_products = function.rounds_products
 
-    def __call__(self, *arguments: Any) -> Any:
+    def __call__(self, *arguments: object) -> Any:
         return Variant(np.float64)(self)(*arguments)
 
 
@@ -140,7 +140,7 @@ def plain(function: F) -> F:
     return function
 
 
-def is_formula(value: Any) -> bool:
+def is_formula(value: object) -> bool:
     return hasattr(value, "rounds_products")
 
 
@@ -231,8 +231,8 @@ def plain_formulas(module: ModuleType, real: Any, **features: Any) -> Formulas:
 
 def _unknown_feature(name: str) -> str:
     close = get_close_matches(name, FEATURES, 1)
-    meant = f"did you mean {close[0]}? " if close else ""
-    return f"FEATURE.{name} is unknown: {meant}A new feature is an entry of FEATURES in {__name__}"
+    suggestion = f"did you mean {close[0]}? " if close else ""
+    return f"FEATURE.{name} is unknown: {suggestion}A new feature is an entry of FEATURES in {__name__}"
 
 
 @cache
@@ -249,13 +249,13 @@ def specialised(
     return compile(tree, inspect.getfile(function), "exec"), names, constants
 
 
-def check_returns(function: Any, count: int, **features: int) -> None:
+def check_returns(function: Any, count: int, features: Mapping[str, int] | None = None) -> None:
     """Raise TypeError if a formula is none, or a return statement of it has not `count` values."""
     if not is_formula(function):
         raise TypeError(f"{place(function)}: {function.__name__} is no formula: write @formula above it")
     values = [
         node.value
-        for node in ast.walk(specialised_tree(function, frozenset(features.items()), False)[0])
+        for node in ast.walk(specialised_tree(function, frozenset((features or {}).items()), False)[0])
         if isinstance(node, ast.Return)
     ]
     while values:
@@ -341,15 +341,15 @@ class _Specialise(ast.NodeTransformer):
 
     def visit_BinOp(self, node: ast.BinOp) -> ast.AST:
         if isinstance(node.op, (ast.Mult, ast.Div, ast.Pow)):
-            self._refuse_integers(node, node.left, node.right)
+            self._refuse_integers(node, [node.left, node.right])
         elif isinstance(node.op, (ast.Add, ast.Sub)):
-            self._refuse_integers(node, node.left)  # `k + 1` counts, `1 - x` does not
+            self._refuse_integers(node, [node.left])  # `k + 1` counts, `1 - x` does not
         self.generic_visit(node)
         return self._product(node, node.left, node.right) if isinstance(node.op, ast.Mult) else node
 
     def visit_AugAssign(self, node: ast.AugAssign) -> ast.AST:
         if isinstance(node.op, (ast.Mult, ast.Div)):
-            self._refuse_integers(node, node.value)
+            self._refuse_integers(node, [node.value])
         self.generic_visit(node)
         if not self.rounded or not isinstance(node.op, ast.Mult) or not isinstance(node.target, ast.Name):
             return node
@@ -360,7 +360,7 @@ class _Specialise(ast.NodeTransformer):
         call = ast.Call(ast.Name(PRODUCT, ast.Load()), [left, right], [])
         return ast.copy_location(call, node) if self.rounded else node
 
-    def _refuse_integers(self, node: ast.expr | ast.stmt, *operands: ast.expr) -> None:
+    def _refuse_integers(self, node: ast.expr | ast.stmt, operands: list[ast.expr]) -> None:
         for operand in operands:
             number = operand.operand if isinstance(operand, ast.UnaryOp) else operand
             if self.has_floats and isinstance(number, ast.Constant) and type(number.value) is int:

@@ -50,7 +50,7 @@ class OwnForce:
 
     def __post_init__(self) -> None:
         for axes in (2, 3):
-            check_returns(self.force, axes, axes=axes)
+            check_returns(self.force, axes, {"axes": axes})
 
 
 @formula

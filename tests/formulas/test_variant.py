@@ -201,12 +201,12 @@ def test_names_and_returns_are_checked() -> None:
         NameError, match=r"test_variant.py:\d+: the formula scaled_by_unknown uses unknown, which is not defined"
     ):
         Variant(np.float64)(scaled_by_unknown)
-    check_returns(by_axes, 2, axes=2)
+    check_returns(by_axes, 2, {"axes": 2})
     check_returns(halved, 1)
     check_returns(by_call, 7)  # what the call returns is not known
     line = by_axes.__code__.co_firstlineno + 2
     with pytest.raises(TypeError, match=rf"test_variant.py:{line}: by_axes returns 3 values with {{'axes': 3}}, not 2"):
-        check_returns(by_axes, 2, axes=3)
+        check_returns(by_axes, 2, {"axes": 3})
     with pytest.raises(TypeError, match="helper is no formula: write @formula above it"):
         check_returns(helper, 1)
 
