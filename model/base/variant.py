@@ -36,7 +36,12 @@ import numpy as np
 
 F = TypeVar("F", bound=Callable[..., Any])
 PRODUCT = "_product"  # name of the variant's product in compiled copies
-COMPARED = {ast.Eq: operator.eq, ast.NotEq: operator.ne, ast.Gt: operator.gt, ast.Lt: operator.lt}
+COMPARED: dict[type[ast.cmpop], Callable[..., bool]] = {
+    ast.Eq: operator.eq,
+    ast.NotEq: operator.ne,
+    ast.Gt: operator.gt,
+    ast.Lt: operator.lt,
+}
 SINGLE = "single"  # the feature of every float32 variant
 FEATURES = {  # what a variant may have and a formula may ask for
     "alone": "a tetrahedron conserves its own volume, not with others of its voxel",
