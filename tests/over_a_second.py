@@ -189,7 +189,8 @@ test_tetrahedra_reference.py test_at_rest_is_where_steps_come_to_rest?1? test_bl
     test_few_sweeps_sag_too_far?1000000.0-30-1-1.089-1.0902? test_few_sweeps_sag_too_far?1000000.0-64-1-1.018-1.0185?
     test_neo_hookean_rows_drift_without_a_load test_damping_by_a_time?rows?
 test_tiling.py test_tiles_put_together_are_the_grid
-test_toy_force.py test_one_entry_and_every_solver_has_it
+test_toys.py test_a_constraint_limits_stretches_alone test_an_integrator_falls_along_the_parabola
+    test_one_entry_and_every_solver_has_it
 test_turns.py test_a_lock_is_shared_only_by_those_who_all_share_it?alone-False-F*
 test_vbd_contact.py test_a_cube_lands_without_more_energy_and_rests_as_high_as_its_mes*
 test_vbd_cpu.py test_b21_a_body_out_of_all_shape_recovers?fixed-corotated-flat?

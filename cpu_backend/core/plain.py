@@ -162,6 +162,9 @@ class Constants:
     def __getitem__(self, name: str) -> Any:
         return self.__dict__[name]
 
+    def __getattr__(self, name: str) -> Any:
+        raise AttributeError(f"no constant {name}; there are {', '.join(self.__dict__)}")
+
 
 def readable(argument: Any) -> Any:
     """Return an argument in the form that plain Python takes.

@@ -12,6 +12,7 @@ from numba import prange
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.model.base.types import Real
+from softlab.model.core.integrators import step_formula
 from softlab.model.core.plan import Moment, StageRun
 from softlab.model.formulas import integrators, springs
 
@@ -21,7 +22,7 @@ def make_motion_stages(compiler: Compiler, real: Real, integrator: str, has_damp
     kernel, damped = compiler.kernel, compiler.formulas(springs, real).damped
     formulas = compiler.formulas(integrators, real, {"damped": has_damping})
     first_half, second_half, rk4_stage = formulas.verlet_first_half, formulas.verlet_second_half, formulas.rk4_stage
-    one_force = getattr(formulas, integrator.replace("-", "_"), formulas.semi_implicit_euler)
+    one_force = formulas.variant(step_formula(integrator))
 
     @kernel
     def damping(velocity, record, acceleration):

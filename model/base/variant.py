@@ -11,13 +11,13 @@ A formula stands in its module as an ordinary function, where it is found, read 
 `Variant(np.float32, numba.njit, {"damped": True})` compiles a copy of it in which
 - literals and constants of its module that are floats have the variant's precision, so that float32 stays float32;
 - `FEATURE.damped` is True (False, where the variant does not name it; or a number, to be compared), and a branch that
-  is never taken is gone before the compiler sees it;
+  is never taken is gone before the compiler sees it. A feature is an entry of FEATURES; other names are refused;
 - formulas that it calls are compiled in the same variant, or replaced by the instructions that the variant names;
 - `a * b` is a call of the variant's product, if it has one (for CUDA, which otherwise contracts a * b + c).
 
 Line numbers are those of the file, so that tracebacks and debuggers show it. An integer literal times a float32 is a
-float64 in numba: formulas with one are refused (`2.0 * x`, not `2 * x`). Integer arithmetic is an `integer_formula`,
-whose products stay as they are.
+float64 in numba: formulas with one are refused (`2.0 * x`, not `2 * x`), as are `float(x)` and `np.float64(x)`. Integer
+arithmetic is an `integer_formula`, whose products stay as they are.
 """
 
 from __future__ import annotations
@@ -27,6 +27,7 @@ import builtins
 import inspect
 import operator
 from collections.abc import Callable, Mapping
+from difflib import get_close_matches
 from functools import cache
 from types import CodeType, FunctionType, ModuleType
 from typing import Any, TypeVar
@@ -35,8 +36,29 @@ import numpy as np
 
 F = TypeVar("F", bound=Callable[..., Any])
 PRODUCT = "_product"  # name of the variant's product in compiled copies
-COMPARED = {ast.Eq: operator.eq, ast.NotEq: operator.ne, ast.Gt: operator.gt, ast.Lt: operator.lt}
+COMPARED: dict[type[ast.cmpop], Callable[..., bool]] = {
+    ast.Eq: operator.eq,
+    ast.NotEq: operator.ne,
+    ast.Gt: operator.gt,
+    ast.Lt: operator.lt,
+}
 SINGLE = "single"  # the feature of every float32 variant
+FEATURES = {  # what a variant may have and a formula may ask for
+    "alone": "a tetrahedron conserves its own volume, not with others of its voxel",
+    "anchors": "number of anchors of a long-range attachment",
+    "axes": "2 or 3 dimensions",
+    "blocks": "constraints of a tetrahedron are solved together",
+    "bounces": "contacts have restitution",
+    "corners": "number of corners of an attachment",
+    "damped": "there is a damper",
+    "in_place": "friction acts within the iterations",
+    "linear": "one linearised step of implicit Euler",
+    "load": "masses differ",
+    "material": "number of the elastic energy",
+    "per_constraint": "each constraint has its own compliance",
+    SINGLE: "float32",
+    "soft": "constraints have a compliance",
+}
 
 
 class _Features:
@@ -66,15 +88,29 @@ def real(number: Any) -> Any:
 
 
 def formula(function: F) -> F:
-    """Mark a function of floating-point arithmetic as one that variants compile."""
-    function.rounds_products = True  # type: ignore[attr-defined]
-    return function
+    """Mark a function of floating-point arithmetic as one that variants compile. Raises TypeError: it is not at the top
+    level of a file."""
+    return _marked(function, rounds_products=True)
 
 
 def integer_formula(function: F) -> F:
-    """Mark a function of integers as one that variants compile."""
-    function.rounds_products = False  # type: ignore[attr-defined]
+    """Mark a function of integers as one that variants compile. Raises TypeError: it is not at the top level of a
+    file."""
+    return _marked(function, rounds_products=False)
+
+
+def _marked(function: F, rounds_products: bool) -> F:
+    if function.__name__ != function.__qualname__ or function.__name__ == "<lambda>":
+        raise TypeError(
+            f"{place(function)}: a formula is a `def` at the top level of a file, not {function.__qualname__}"
+        )
+    function.rounds_products = rounds_products  # type: ignore[attr-defined]
     return function
+
+
+def place(function: Any) -> str:
+    """Return `file:line` of a function."""
+    return f"{inspect.getfile(function)}:{function.__code__.co_firstlineno}"
 
 
 class Open:
@@ -83,7 +119,7 @@ class Open:
     def __init__(self, signature: str):
         self.signature = signature
 
-    def __call__(self, *arguments: Any) -> Any:
+    def __call__(self, *arguments: object) -> Any:
         raise TypeError(f"call a formula made by filled(...): {self.signature} is open")
 
 
@@ -95,7 +131,7 @@ class Filled:
         self.__name__, self.__module__, self.__doc__ = function.__name__, function.__module__, function.__doc__
         self.rounds_products = function.rounds_products
 
-    def __call__(self, *arguments: Any) -> Any:
+    def __call__(self, *arguments: object) -> Any:
         return Variant(np.float64)(self)(*arguments)
 
 
@@ -109,7 +145,7 @@ def plain(function: F) -> F:
     return function
 
 
-def is_formula(value: Any) -> bool:
+def is_formula(value: object) -> bool:
     return hasattr(value, "rounds_products")
 
 
@@ -125,6 +161,9 @@ class Variant:
         product: Callable | None = None, instructions: Mapping[str, Callable] | None = None,
     ):  # fmt: skip
         self.real, self.compiled, self.product = real, compiled, product
+        for name in features or {}:
+            if name not in FEATURES:
+                raise AttributeError(_unknown_feature(name))
         self.features = frozenset({**(features or {}), SINGLE: real is np.float32}.items())
         self.instructions = instructions or {}
         self._made: dict[Any, Any] = {}
@@ -143,38 +182,51 @@ class Variant:
 
     def _copied(self, formula: Any) -> FunctionType:
         function, names = (formula.function, formula.names) if isinstance(formula, Filled) else (formula, {})
-        known = function.__globals__ | names
+        known = vars(builtins) | function.__globals__ | names
         rounded = self.product is not None and function.rounds_products
         code, used, constants = specialised(function, self.features, rounded)
-        space = {name: self._within(known[name]) for name in used & known.keys()}
+        if undefined := sorted(used - known.keys() - constants.keys() - {PRODUCT}):
+            raise NameError(
+                f"{place(function)}: the formula {function.__name__} uses {undefined[0]}, which is not defined"
+            )
+        space = {name: self._within(known[name], function) for name in used & known.keys()}
         space |= {name: self.real(value) for name, value in constants.items()}
         space |= {"__name__": function.__module__, "__builtins__": builtins, PRODUCT: self.product}
         exec(code, space)
         space[function.__name__].softlab_formula = function, self.features, rounded  # of specialised_tree
         return space[function.__name__]
 
-    def _within(self, value: Any) -> Any:
-        """Return what a formula's global is in this variant."""
+    def _within(self, value: Any, caller: FunctionType) -> Any:
+        """Return what a global of the formula `caller` is in this variant."""
         if is_formula(value):
             return self(value)
         if value is real:
             return self.real
         if isinstance(value, float):
             return self.real(value.make(self.real) if isinstance(value, OfPrecision) else value)
-        return tuple(self._within(item) for item in value) if type(value) is tuple else value
+        if isinstance(value, Open):
+            raise TypeError(f"{place(caller)}: compile filled({caller.__name__}, ...): {value.signature} is open")
+        if type(value) is FunctionType:
+            raise TypeError(
+                f"{place(caller)}: the formula {caller.__name__} calls {value.__name__}, which is no formula: write "
+                f"@formula, or @integer_formula, above it ({place(value)})"
+            )
+        return tuple(self._within(item, caller) for item in value) if type(value) is tuple else value
 
 
 class Formulas:
     """The formulas of a module in a variant, as attributes."""
 
     def __init__(self, variant: Variant, module: ModuleType):
-        self._variant, self._module = variant, module
+        self.variant, self._module = variant, module
 
     def __getattr__(self, name: str) -> Any:
         formula = getattr(self._module, name)
         if not is_formula(formula):
-            raise AttributeError(f"{self._module.__name__}.{name} is no formula")
-        return self._variant(formula)
+            raise TypeError(
+                f"{self._module.__name__}.{name} is no formula: write @formula, or @integer_formula, above it"
+            )
+        return self.variant(formula)
 
 
 def plain_formulas(module: ModuleType, real: Any, features: Mapping[str, Any] | None = None) -> Formulas:
@@ -182,15 +234,45 @@ def plain_formulas(module: ModuleType, real: Any, features: Mapping[str, Any] | 
     return Variant(real, plain, features).of(module)
 
 
+def _unknown_feature(name: str) -> str:
+    close = get_close_matches(name, FEATURES, 1)
+    suggestion = f"did you mean {close[0]}? " if close else ""
+    return f"FEATURE.{name} is unknown: {suggestion}A new feature is an entry of FEATURES in {__name__}"
+
+
 @cache
 def specialised(
     function: FunctionType, features: frozenset[tuple[str, Any]], rounded: bool
 ) -> tuple[CodeType, frozenset[str], dict[str, float]]:
-    """Return (code that defines a formula's copy, the names in it, its float literals by the names they get)."""
+    """Return (code that defines a formula's copy, its global names, its float literals by the names they get)."""
     definition, constants = specialised_tree(function, features, rounded)
     tree = ast.fix_missing_locations(ast.Module([definition], []))
-    names = frozenset(node.id for node in ast.walk(tree) if isinstance(node, ast.Name))
+    nodes = [node for node in ast.walk(tree) if isinstance(node, ast.Name)]
+    local = {node.id for node in nodes if isinstance(node.ctx, ast.Store)}
+    local |= {node.arg for node in ast.walk(tree) if isinstance(node, ast.arg)}
+    names = frozenset(node.id for node in nodes) - local
     return compile(tree, inspect.getfile(function), "exec"), names, constants
+
+
+def check_returns(function: Any, count: int, features: Mapping[str, int] | None = None) -> None:
+    """Raise TypeError if a formula is none, or a return statement of it has not `count` values."""
+    if not is_formula(function):
+        raise TypeError(f"{place(function)}: {function.__name__} is no formula: write @formula above it")
+    values = [
+        node.value
+        for node in ast.walk(specialised_tree(function, frozenset((features or {}).items()), False)[0])
+        if isinstance(node, ast.Return)
+    ]
+    while values:
+        value = values.pop()
+        if isinstance(value, ast.IfExp):
+            values += [value.body, value.orelse]
+        elif not isinstance(value, (ast.Call, ast.Name)):  # these may be tuples
+            number = len(value.elts) if isinstance(value, ast.Tuple) else 1
+            if number != count:
+                file, line = function.__code__.co_filename, value.lineno if value else function.__code__.co_firstlineno
+                where = f" with {features}" if features else ""
+                raise TypeError(f"{file}:{line}: {function.__name__} returns {number} values{where}, not {count}")
 
 
 def specialised_tree(
@@ -224,7 +306,7 @@ class _Specialise(ast.NodeTransformer):
 
     def __init__(self, features: dict[str, Any], function: Any, rounded: bool):
         self.features, self.known, self.rounded = features, function.__globals__, rounded
-        self.has_floats = function.rounds_products
+        self.has_floats, self.file = function.rounds_products, function.__code__.co_filename
         self.constants: dict[str, float] = {}
 
     def block(self, statements: list[ast.stmt]) -> list[ast.stmt]:
@@ -239,7 +321,16 @@ class _Specialise(ast.NodeTransformer):
 
     def visit_Attribute(self, node: ast.Attribute) -> ast.AST:
         if isinstance(node.value, ast.Name) and node.value.id == "FEATURE":
+            if node.attr not in FEATURES:
+                raise AttributeError(f"{self._line(node)}: {_unknown_feature(node.attr)}")
             return ast.copy_location(ast.Constant(self.features.get(node.attr, False)), node)
+        if node.attr == "float64":
+            self._refuse_float64(node)
+        return self.generic_visit(node)
+
+    def visit_Call(self, node: ast.Call) -> ast.AST:
+        if isinstance(node.func, ast.Name) and node.func.id == "float":
+            self._refuse_float64(node)
         return self.generic_visit(node)
 
     def visit_Subscript(self, node: ast.Subscript) -> ast.AST:
@@ -255,13 +346,15 @@ class _Specialise(ast.NodeTransformer):
 
     def visit_BinOp(self, node: ast.BinOp) -> ast.AST:
         if isinstance(node.op, (ast.Mult, ast.Div, ast.Pow)):
-            self._refuse_integers(node.left, node.right)
+            self._refuse_integers(node, [node.left, node.right])
+        elif isinstance(node.op, (ast.Add, ast.Sub)):
+            self._refuse_integers(node, [node.left])  # `k + 1` counts, `1 - x` does not
         self.generic_visit(node)
         return self._product(node, node.left, node.right) if isinstance(node.op, ast.Mult) else node
 
     def visit_AugAssign(self, node: ast.AugAssign) -> ast.AST:
         if isinstance(node.op, (ast.Mult, ast.Div)):
-            self._refuse_integers(node.value)
+            self._refuse_integers(node, [node.value])
         self.generic_visit(node)
         if not self.rounded or not isinstance(node.op, ast.Mult) or not isinstance(node.target, ast.Name):
             return node
@@ -272,13 +365,23 @@ class _Specialise(ast.NodeTransformer):
         call = ast.Call(ast.Name(PRODUCT, ast.Load()), [left, right], [])
         return ast.copy_location(call, node) if self.rounded else node
 
-    def _refuse_integers(self, *operands: ast.expr) -> None:
+    def _refuse_integers(self, node: ast.expr | ast.stmt, operands: list[ast.expr]) -> None:
         for operand in operands:
-            if self.has_floats and isinstance(operand, ast.Constant) and type(operand.value) is int:
+            number = operand.operand if isinstance(operand, ast.UnaryOp) else operand
+            if self.has_floats and isinstance(number, ast.Constant) and type(number.value) is int:
                 raise TypeError(
-                    f"line {operand.lineno}: {operand.value} in a formula makes a float32 a float64; "
-                    f"write {operand.value}.0"
+                    f"{self._line(node)}: `{ast.unparse(node)}`: an integer literal makes a float32 a float64; write "
+                    f"{ast.unparse(operand)}.0, or @integer_formula above a function of integers"
                 )
+
+    def _refuse_float64(self, node: ast.expr) -> None:
+        if self.has_floats:
+            raise TypeError(
+                f"{self._line(node)}: `{ast.unparse(node)}` is a float64; write real(...), or a literal like 1.0"
+            )
+
+    def _line(self, node: ast.expr | ast.stmt) -> str:
+        return f"{self.file}:{node.lineno}"
 
     def visit_Compare(self, node: ast.Compare) -> ast.AST:
         """A feature compared with a number or with a constant of the module is a constant."""

@@ -13,8 +13,10 @@ from math import inf, sqrt
 
 import numpy as np
 
+from softlab.model.base.variant import check_returns
 from softlab.model.core.build import pinned_indices
 from softlab.model.core.stability.cloth_bounds import laplacian_bound
+from softlab.model.formulas import integrators
 from softlab.model.particles.particle_set import ParticleSet
 from softlab.model.scene.scene import Scene
 
@@ -80,7 +82,8 @@ class Integrator:
 
     `order`: of the error at a fixed time against Newton's law. `forces`: force evaluations per step, 0 where the state
     decides. `limit(w, gamma)`: the largest stable dt [s] at angular frequency w [1/s] and damping rate gamma =
-    coefficient / mass [1/s].
+    coefficient / mass [1/s]. `operations`: floating-point operations per axis and step, without the forces. `step`: the
+    formula, if it is all of a step after one evaluation of the forces.
     """
 
     name: str
@@ -88,17 +91,47 @@ class Integrator:
     forces: int
     limit: Callable[[float, float], float]
     note: str
+    operations: int = 0
+    step: Callable | None = None
+
+    def __post_init__(self) -> None:
+        if self.step is not None:
+            check_returns(self.step, 2)
 
 
 INTEGRATORS = {  # for every sheet
     entry.name: entry
     for entry in (
-        Integrator("lab", 0, 1, _lab_limit, "the hand-out's step: half the acceleration, order 1 against that"),
-        Integrator("semi-implicit-euler", 1, 1, _semi_implicit_limit, "symplectic"),
-        Integrator("velocity-verlet", 2, 1, _verlet_limit, "symplectic; damping implicit in the second half kick"),
-        Integrator("rk4", 4, 4, _rk4_limit, "four forces a step; loses energy slowly"),
-        Integrator("explicit-euler", 1, 1, lambda w, g: _explicit_limit(w, g, False), "gains energy"),
-        Integrator("taylor", 1, 1, lambda w, g: _explicit_limit(w, g, True), "the compute-shader cloth's step"),
+        Integrator(
+            "lab",
+            0,
+            1,
+            _lab_limit,
+            "the hand-out's step: half the acceleration, order 1 against that",
+            6,
+            integrators.lab,
+        ),
+        Integrator("semi-implicit-euler", 1, 1, _semi_implicit_limit, "symplectic", 4, integrators.semi_implicit_euler),
+        Integrator("velocity-verlet", 2, 1, _verlet_limit, "symplectic; damping implicit in the second half kick", 9),
+        Integrator("rk4", 4, 4, _rk4_limit, "four forces a step; loses energy slowly", 28),
+        Integrator(
+            "explicit-euler",
+            1,
+            1,
+            lambda w, g: _explicit_limit(w, g, False),
+            "gains energy",
+            4,
+            integrators.explicit_euler,
+        ),
+        Integrator(
+            "taylor",
+            1,
+            1,
+            lambda w, g: _explicit_limit(w, g, True),
+            "the compute-shader cloth's step",
+            6,
+            integrators.taylor,
+        ),
     )
 }
 
@@ -117,6 +150,13 @@ IMPLICIT = {  # for cloths
         ),
     )
 }
+
+
+def step_formula(integrator: str) -> Callable:
+    """Return the formula of an integrator's step; of integrators in several passes semi-implicit Euler, which they do
+    not call."""
+    entry = (INTEGRATORS | IMPLICIT)[integrator]
+    return integrators.semi_implicit_euler if entry.step is None else entry.step
 
 
 def integrators_for(scene: Scene) -> dict[str, Integrator]:

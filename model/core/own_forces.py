@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from softlab.model.base.variant import FEATURE, Open, filled, formula
+from softlab.model.base.variant import FEATURE, Open, check_returns, filled, formula
 from softlab.model.core.plan import Plan
 from softlab.model.formulas.distance import added
 from softlab.model.formulas.random import OPERATIONS, add_external, philox
@@ -47,6 +47,10 @@ class OwnForce:
     operations: int = 0
     traffic: int = 0
     changes: bool = False
+
+    def __post_init__(self) -> None:
+        for axes in (2, 3):
+            check_returns(self.force, axes, {"axes": axes})
 
 
 @formula

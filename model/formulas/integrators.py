@@ -11,15 +11,6 @@ from __future__ import annotations
 
 from softlab.model.base.variant import FEATURE, formula
 
-OPERATIONS = {  # floating-point operations per axis and step, without the force
-    "lab": 6,
-    "semi-implicit-euler": 4,
-    "explicit-euler": 4,
-    "taylor": 6,
-    "velocity-verlet": 9,
-    "rk4": 28,
-}
-
 
 @formula
 def difference(a, b):

@@ -5,9 +5,9 @@ from __future__ import annotations
 from functools import partial
 
 from softlab.model.contact.sheet_plan import Stages, cloth_parts
-from softlab.model.core.integrators import IMPLICIT
+from softlab.model.core.integrators import IMPLICIT, INTEGRATORS
 from softlab.model.core.plan import Node, Plan, Stage
-from softlab.model.formulas import colliders, implicit, integrators
+from softlab.model.formulas import colliders, implicit
 from softlab.model.formulas import springs as spring_formulas
 from softlab.model.mass_spring.plan import force_stages, stepped
 from softlab.model.scene.scene import Scene
@@ -48,7 +48,7 @@ def cloth_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
         start_forces = force_stages(parts - {"damping"}, pulls, 3, 0.0)[1:]
         return _implicit_plan(integrator, parts, start_forces, operations, len(springs), (*touch, *pins(1.0)))
     acting = parts - {"damping"} if integrator == "velocity-verlet" else parts  # its damper is part of the kicks
-    kick = 3 * integrators.OPERATIONS[integrator] // 2
+    kick = 3 * INTEGRATORS[integrator].operations // 2
     forces = partial(force_stages, acting, pulls, 3)
     root, scalars = stepped(integrator, 3, forces, pins, (kick, kick), touch)
     return Plan(root, scalars, parts, dimensions=3)

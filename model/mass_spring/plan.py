@@ -6,8 +6,9 @@ from collections.abc import Callable
 from functools import partial
 
 from softlab.model.contact.sheet_plan import WIND, Stages, particle_force_stages, present_parts
+from softlab.model.core.integrators import INTEGRATORS
 from softlab.model.core.plan import Node, Plan, Stage
-from softlab.model.formulas import integrators, springs
+from softlab.model.formulas import springs
 from softlab.model.scene.scene import Scene
 
 
@@ -37,7 +38,7 @@ def stepped(
     `forces`, `pins`: the stages at that offset from the step's beginning; `kicks`: operations of velocity Verlet's two;
     `touch`: collision stages.
     """
-    operations = axes * integrators.OPERATIONS[integrator]
+    operations = axes * INTEGRATORS[integrator].operations
     children: list[Node | Stage]
     if integrator == "velocity-verlet":
         children = [

@@ -14,6 +14,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from softlab.model.base.errors import InputError
+from softlab.model.base.variant import check_returns
 from softlab.model.core.build import Body
 from softlab.model.formulas import bending as bending_formulas
 from softlab.model.formulas import distance as distance_formulas
@@ -53,6 +54,9 @@ class Model:
     violation: Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray | float]]
     multipliers: int = 1
     can_damp: bool = False
+
+    def __post_init__(self) -> None:
+        check_returns(self.formulas.project, 2)
 
 
 def constraint_sets(scene: Scene) -> tuple[ConstraintSet, ...]:

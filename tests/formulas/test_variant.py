@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import inspect
+import re
 import traceback
 from pathlib import Path
 from typing import Any
@@ -13,10 +14,12 @@ import pytest
 
 from softlab.model.base.variant import (
     FEATURE,
+    FEATURES,
     Formulas,
     OfPrecision,
     Open,
     Variant,
+    check_returns,
     filled,
     formula,
     integer_formula,
@@ -73,9 +76,56 @@ def doubled(x):
     return 2 * x
 
 
+@formula
+def complement(x):
+    return 1 - x
+
+
+@formula
+def negative(x):
+    return x / -2
+
+
+@formula
+def misspelt(x):
+    return x if FEATURE.dampd else 2.0 * x
+
+
+def helper(x):
+    return x
+
+
+@formula
+def calls_helper(x):
+    return helper(x)
+
+
+@formula
+def by_axes(x):
+    return (x, x) if FEATURE.axes == 2 else (x, x, x)
+
+
+@formula
+def by_call(x):
+    return by_axes(x)
+
+
+@formula
+def scaled_by_unknown(x):
+    y = 2.0 * x
+    return y * unknown(x)  # noqa: F821
+
+
 @integer_formula
 def counted(n):
     return 2 * n
+
+
+@pytest.fixture
+def features(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Declare the features of the formulas above."""
+    for name in ("kind", "light", "never"):
+        monkeypatch.setitem(FEATURES, name, name)
 
 
 @pytest.mark.parametrize("kind", [np.float32, np.float64])
@@ -84,7 +134,7 @@ def test_literals_and_constants_have_the_precision(kind: Any) -> None:
     for made, x in ((variant(third), 1), (variant(halved), 1), (variant(filled(ended, {"end": third})), 1)):
         assert type(made(kind(x))) is kind
     assert variant(halved)(kind(3)) == kind(0.5) * (kind(THIRD) * kind(3))
-    assert np.finfo(np.float64).tiny == SMALLEST and Variant(kind)._within(SMALLEST) == np.finfo(kind).tiny
+    assert np.finfo(np.float64).tiny == SMALLEST and Variant(kind)._within(SMALLEST, third) == np.finfo(kind).tiny
 
 
 def test_as_plain_python_it_is_the_function_that_stands_there() -> None:
@@ -92,6 +142,7 @@ def test_as_plain_python_it_is_the_function_that_stands_there() -> None:
     assert filled(ended, {"end": third})(3.0) == THIRD * 3.0 + 0.2
 
 
+@pytest.mark.usefixtures("features")
 def test_a_feature_is_a_constant_and_what_it_excludes_is_gone() -> None:
     assert Variant(np.float64, plain, {"kind": HEAVY})(by_kind)(4.0) == 8
     assert Variant(np.float64, plain, {"kind": 1, "light": True})(by_kind)(4.0) == 4
@@ -101,6 +152,7 @@ def test_a_feature_is_a_constant_and_what_it_excludes_is_gone() -> None:
         by_kind(1.0)
 
 
+@pytest.mark.usefixtures("features")
 def test_every_product_is_the_variants() -> None:
     """In place of an assignment too, and in formulas that it calls; not of integers."""
     calls: list[tuple[Any, Any]] = []
@@ -120,12 +172,52 @@ def test_an_instruction_takes_the_place_of_a_formula() -> None:
 
 
 def test_what_is_no_formula_is_refused() -> None:
-    with pytest.raises(TypeError, match=r"line \d+: 2 in a formula makes a float32 a float64; write 2.0"):
-        Variant(np.float32)(doubled)
+    """With the file, the line and what to write."""
+    for wrong, line, source, literal in (
+        (doubled, 2, "2 * x", "2.0"),
+        (complement, 2, "1 - x", "1.0"),
+        (negative, 2, "x / -2", "-2.0"),
+    ):
+        where = f"{__file__}:{wrong.__code__.co_firstlineno + line}: `{source}`"
+        with pytest.raises(TypeError, match=f"^{re.escape(where)}: an integer literal .* write {literal}"):
+            Variant(np.float32)(wrong)
+    with pytest.raises(
+        TypeError,
+        match=rf"test_variant.py:\d+: the formula calls_helper calls helper, .* @formula.*{helper.__code__.co_firstlineno}",
+    ):
+        Variant(np.float32)(calls_helper)
+    with pytest.raises(TypeError, match=r"test_variant.py:\d+: a formula is a `def` at the top level of a file"):
+        formula(lambda x: x)
     with pytest.raises(TypeError, match=r"end\(x\) -> a number is open"):
         ended(1.0)
-    with pytest.raises(AttributeError, match="ROOT is no formula"):
+    with pytest.raises(TypeError, match=r"test_variant.py:\d+: compile filled\(ended, \.\.\.\): end\(x\)"):
+        Variant(np.float32)(ended)
+    with pytest.raises(TypeError, match="ROOT is no formula: write @formula"):
         _ = plain_formulas(inspect.getmodule(third), np.float32).ROOT  # type: ignore[arg-type]
+
+
+def test_names_and_returns_are_checked() -> None:
+    with pytest.raises(
+        NameError, match=r"test_variant.py:\d+: the formula scaled_by_unknown uses unknown, which is not defined"
+    ):
+        Variant(np.float64)(scaled_by_unknown)
+    check_returns(by_axes, 2, {"axes": 2})
+    check_returns(halved, 1)
+    check_returns(by_call, 7)  # what the call returns is not known
+    line = by_axes.__code__.co_firstlineno + 2
+    with pytest.raises(TypeError, match=rf"test_variant.py:{line}: by_axes returns 3 values with {{'axes': 3}}, not 2"):
+        check_returns(by_axes, 2, {"axes": 3})
+    with pytest.raises(TypeError, match="helper is no formula: write @formula above it"):
+        check_returns(helper, 1)
+
+
+def test_an_unknown_feature_is_refused() -> None:
+    """Where a formula asks for it, and where a variant is given it."""
+    where = f"{__file__}:{misspelt.__code__.co_firstlineno + 2}: FEATURE.dampd is unknown: did you mean damped"
+    with pytest.raises(AttributeError, match=f"^{re.escape(where)}"):
+        Variant(np.float64)(misspelt)
+    with pytest.raises(AttributeError, match=r"FEATURE\.sofd is unknown: did you mean soft"):
+        Variant(np.float64, plain, {"sofd": True})
 
 
 def test_errors_point_at_the_line_of_the_file() -> None:

@@ -1,7 +1,7 @@
 """A force of a contributor's own: all particles are drawn sideways. One entry, before the solvers are imported; the grid,
 the cloth, XPBD on sheets and meshes, and bodies take it up, on both backends (CUDA's by its simulator), plain and fused.
 
-Prints a line of JSON for each run: how far particles moved [m], and whether its bits are the CPU's. See test_toy_force.py.
+Prints a line of JSON for each run: how far particles moved [m], and whether its bits are the CPU's. See test_toys.py.
 """
 
 import json
@@ -42,32 +42,41 @@ SCENES = {
 }
 
 
-def main() -> None:
-    own_forces.PARTICLE_FORCES += (
-        own_forces.OwnForce("lean", "lean", lambda scene, live: True, lean, ("lean",), values, "lean"),
-    )
+def runs(tables):
+    """Iterate over (simulation, its name, same(position): True if these are the bits of the first run) of all kernels of a
+    scene."""
     import quicker  # the simulator without what costs most of its time
 
     from softlab.app.driver import open_simulation
     from softlab.model.scene.scene import Scene
 
     quicker.install()
+    scene, first = Scene(tables), []
 
+    def same(position):
+        first.append(position)
+        return np.array_equal(position, first[0])
+
+    for backend in ("cpu", "gpu"):
+        for kernel in (None, "stages"):
+            options = {"threads": 2} if backend == "cpu" else {}
+            with open_simulation(scene, backend, math="exact", kernel=kernel, **options) as simulation:
+                yield simulation, f"{', '.join(tables)}, {backend}, {kernel}", same
+
+
+def main() -> None:
+    own_forces.PARTICLE_FORCES += (
+        own_forces.OwnForce("lean", "lean", lambda scene, live: True, lean, ("lean",), values, "lean"),
+    )
     for name, tables in SCENES.items():
-        scene, ends = Scene(tables), {}
-        for backend in ("cpu", "gpu"):
-            for kernel in (None, "stages"):
-                options = {"threads": 2} if backend == "cpu" else {}
-                with open_simulation(scene, backend, math="exact", kernel=kernel, **options) as simulation:
-                    assert simulation.plan.has("lean") or "mesh" in name, name
-                    before = simulation.read("position")
-                    simulation.advance(STEPS)
-                    ends[backend, kernel] = simulation.read("position")
-                    moved = ends[backend, kernel] - before
-                    found = {"least": float(moved[:, 0].min()), "most": float(moved[:, 0].max())}
-                    found["aside"] = float(np.abs(moved[:, 1:]).max())
-                    found["same"] = np.array_equal(ends[backend, kernel], ends["cpu", None])
-                    print(json.dumps({"run": f"{name}, {backend}, {kernel}", **found}))
+        for simulation, run, same in runs(tables):
+            assert simulation.plan.has("lean") or "mesh" in name, name
+            before = simulation.read("position")
+            simulation.advance(STEPS)
+            moved = simulation.read("position") - before
+            result = {"least": float(moved[:, 0].min()), "most": float(moved[:, 0].max())}
+            result |= {"aside": float(np.abs(moved[:, 1:]).max()), "same": same(simulation.read("position"))}
+            print(json.dumps({"run": run, **result}))
 
 
 if __name__ == "__main__":

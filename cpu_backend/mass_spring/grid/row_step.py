@@ -17,6 +17,7 @@ from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import block_of, row_at
 from softlab.cpu_backend.mass_spring.grid.rows import CLOSE_X, CLOSE_Y, OPEN_X, OPEN_Y, make_row_forces
 from softlab.model.base.types import Real
+from softlab.model.core.integrators import step_formula
 from softlab.model.formulas import integrators
 
 OPENING, MIDDLE, CLOSING = 0, 1, 2  # passes of velocity Verlet; one-force integrators use MIDDLE only
@@ -47,7 +48,7 @@ def make_finishes(
     compiled = compiler.compiled
     formulas = compiler.formulas(integrators, real, {"damped": has_damping})
     if integrator != "velocity-verlet":
-        one_force = getattr(formulas, integrator.replace("-", "_"))
+        one_force = formulas.variant(step_formula(integrator))
 
         @compiled
         def step(position, velocity, closing, opening, parameters):

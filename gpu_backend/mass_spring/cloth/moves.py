@@ -13,6 +13,7 @@ from softlab.gpu_backend.core.compile import inlined
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.mass_spring.cloth.point import make_cloth_forces
 from softlab.model.base.types import Real
+from softlab.model.core.integrators import step_formula
 from softlab.model.core.own_forces import particle_forces_change
 from softlab.model.formulas import integrators
 
@@ -34,7 +35,7 @@ def make_cloth_kicks(real: Real, math: str, integrator: str, parts: frozenset[st
     formulas = device_formulas(integrators, real, math, {"damped": True})
     first_half, second_half = formulas.verlet_first_half, formulas.verlet_second_half
     verlet = integrator == "velocity-verlet"
-    one_force = formulas.semi_implicit_euler if verlet else getattr(formulas, integrator.replace("-", "_"))
+    one_force = formulas.variant(step_formula(integrator))
     has_pins, changes = "pins" in parts, particle_forces_change(parts)
     zero, one = real(0), np.int64(1)
     inline = inlined(math)

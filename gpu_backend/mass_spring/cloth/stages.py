@@ -23,6 +23,7 @@ from softlab.gpu_backend.core.wind import make_block_air
 from softlab.gpu_backend.core.world import Cell, World
 from softlab.gpu_backend.mass_spring.cloth.point import make_cloth_forces
 from softlab.model.base.types import Real
+from softlab.model.core.integrators import step_formula
 from softlab.model.core.plan import Moment, StageRun
 from softlab.model.formulas import integrators
 
@@ -78,7 +79,7 @@ def make_motion_stages(real: Real, math: str, integrator: str, parts: frozenset[
     """Compile the stages that move masses."""
     formulas = device_formulas(integrators, real, math, {"damped": True})
     first_half, second_half, rk4_stage = formulas.verlet_first_half, formulas.verlet_second_half, formulas.rk4_stage
-    one_force = getattr(formulas, integrator.replace("-", "_"), formulas.semi_implicit_euler)
+    one_force = formulas.variant(step_formula(integrator))
     zero = real(0)
 
     def integrate(position, velocity, a, record):

@@ -21,6 +21,7 @@ from softlab.gpu_backend.core.forces import make_particle_force
 from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.pairs import load_pair
 from softlab.model.base.types import Real
+from softlab.model.core.integrators import step_formula
 from softlab.model.core.own_forces import particle_forces_change
 from softlab.model.formulas import integrators, springs
 
@@ -134,7 +135,7 @@ def make_moves(real: Real, math: str, integrator: str, parts: frozenset[str]) ->
     acceleration, formulas, changes = point.acceleration, point.formulas, point.changes
     first_half, second_half = formulas.verlet_first_half, formulas.verlet_second_half
     verlet = integrator == "velocity-verlet"
-    one_force = formulas.semi_implicit_euler if verlet else getattr(formulas, integrator.replace("-", "_"))
+    one_force = formulas.variant(step_formula(integrator))
     zero = real(0)
     device = cuda.jit(device=True, **kernel_options(math))
 

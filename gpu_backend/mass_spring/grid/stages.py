@@ -18,6 +18,7 @@ from softlab.gpu_backend.core.forces import make_particle_force
 from softlab.gpu_backend.core.world import Cell
 from softlab.gpu_backend.mass_spring.grid.point import make_point_functions
 from softlab.model.base.types import Real
+from softlab.model.core.integrators import step_formula
 from softlab.model.core.own_forces import WINDOW, particle_forces
 from softlab.model.core.plan import Moment, StageRun
 
@@ -83,7 +84,7 @@ def make_motion_stages(real: Real, math: str, integrator: str, parts: frozenset[
     """Compile the stages that move masses."""
     formulas = make_point_functions(real, math, integrator, parts | STAGE_PARTS).formulas
     first_half, second_half, rk4_stage = formulas.verlet_first_half, formulas.verlet_second_half, formulas.rk4_stage
-    one_force = getattr(formulas, integrator.replace("-", "_"), formulas.semi_implicit_euler)
+    one_force = formulas.variant(step_formula(integrator))
     pair = np.complex64 if real is np.float32 else np.complex128
     zero = real(0)
 
