@@ -16,7 +16,6 @@ from softlab.bench.experiments.advise import ablate
 from softlab.bench.experiments.advise import search as advise_search
 from softlab.bench.measure import case_timing, costs_timing, samples, timing
 from softlab.bench.measure.timing import Sample
-from softlab.bench.peers import sweep as peer_sweep  # fmt: skip
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import configuration, timings
 from softlab.model.scene.scene import load_scene
@@ -42,20 +41,12 @@ def subject_of(name: Any) -> Any:
 
 
 def by_group(store: Store, run: str, backend: str) -> None:
-    """bench/experiments/group.py, with the mark of a wrong answer beside the sample's own."""
+    """bench/experiments/group.py (sweeps, and comparisons with peers), with the mark of a wrong answer beside the sample's own."""
     effort = SimpleNamespace(repeats_of=lambda case: 1, again=0)
     summary = SimpleNamespace(run=run, machine="m", samples=0, suspect=0, measured=0)
     runner = measure_group.GroupRunner(store, effort, summary, [backend], {}, NOTHING)  # type: ignore[arg-type]
     runner._sample([subject_of(case_of(backend))], {backend: "wrong answer: 3 spacings off"})  # type: ignore[dict-item]
     assert (summary.samples, summary.suspect, summary.measured) == (1, 1, 1)
-
-
-def by_peers(store: Store, run: str, backend: str) -> None:
-    runner = object.__new__(peer_sweep._Comparison)
-    runner.store, runner.summary, runner._costs = store, SimpleNamespace(run=run, samples=0, suspect=0, measured=0), {}
-    runner._neighbours, runner._missing = None, lambda case: 1
-    runner._sample([subject_of(case_of(backend))], ["wrong answer: 3 spacings off"], NOTHING)
-    assert runner.summary.suspect == 1
 
 
 def by_accuracy(store: Store, run: str, backend: str) -> None:
@@ -79,8 +70,13 @@ def by_ablation(store: Store, run: str, backend: str) -> None:
     assert added[0][ablate.SUSPECT][0] == 1 and "load" in added[0][ablate.SUSPECT][2]
 
 
+class OfCases(case_timing.Rates):
+    name = "cases"
+    stage = "step"
+
+
 def by_cases(store: Store, run: str, backend: str) -> None:
-    rates = case_timing.Rates("cases", "step", "seconds", "rate", "kernel", lambda scene: 1.0, lambda *_: [])
+    rates = OfCases()
     summary = SimpleNamespace(run=run, measured=0, skipped=[])
     rates._time(store, summary, [case_of(backend)], 1)  # type: ignore[arg-type]
 
@@ -96,7 +92,7 @@ def by_costs(store: Store, run: str, backend: str) -> None:
 
 
 WAYS = {
-    by_group: measure_group, by_peers: peer_sweep, by_accuracy: accuracy, by_advice: advise_search, by_ablation: ablate,
+    by_group: measure_group: peer_sweep, by_accuracy: accuracy, by_advice: advise_search, by_ablation: ablate,
     by_cases: case_timing, by_findings: case_timing, by_costs: costs_timing,
 }  # fmt: skip
 
