@@ -41,7 +41,7 @@ def subject_of(name: Any) -> Any:
 
 
 def by_group(store: Store, run: str, backend: str) -> None:
-    """bench/experiments/group.py (sweeps, and comparisons with peers), with the mark of a wrong answer beside the sample's own."""
+    """bench/experiments/group.py, of comparisons with peers too, with the mark of a wrong answer beside the sample's own."""
     effort = SimpleNamespace(repeats_of=lambda case: 1, again=0)
     summary = SimpleNamespace(run=run, machine="m", samples=0, suspect=0, measured=0)
     runner = measure_group.GroupRunner(store, effort, summary, [backend], {}, NOTHING)  # type: ignore[arg-type]
@@ -92,7 +92,7 @@ def by_costs(store: Store, run: str, backend: str) -> None:
 
 
 WAYS = {
-    by_group: measure_group: peer_sweep, by_accuracy: accuracy, by_advice: advise_search, by_ablation: ablate,
+    by_group: measure_group, by_accuracy: accuracy, by_advice: advise_search, by_ablation: ablate,
     by_cases: case_timing, by_findings: case_timing, by_costs: costs_timing,
 }  # fmt: skip
 
@@ -121,5 +121,5 @@ def test_marks_reach_the_store(way: Any, backend: str, monkeypatch: pytest.Monke
         for one in found:
             reasons = [reason for mark in one.suspect for reason in mark.split("; ")]
             assert "load: other programs ran on the cores in use" in reasons
-            assert ("CUDA simulator, no GPU" in reasons) == (backend == "gpu" and module is not peer_sweep)
-            assert ("wrong answer: 3 spacings off" in reasons) == (module in (measure_group, peer_sweep))
+            assert ("CUDA simulator, no GPU" in reasons) == (backend == "gpu")
+            assert ("wrong answer: 3 spacings off" in reasons) == (module is measure_group)
