@@ -137,10 +137,10 @@ class Rates(Experiment):
         """Return the scene of one combination of the options' values."""
         raise NotImplementedError
 
-    def groups(self, *given: Any, **axes: Any) -> Sequence[Sequence[Case]]:
-        """Return the groups that are timed in turn: on each backend all combinations of the options' values. `given`:
+    def groups(self, *common: Any, **axes: Any) -> Sequence[Sequence[Case]]:
+        """Return the groups that are timed in turn: on each backend all combinations of the options' values. `common`:
         (backends, quick); `axes`: `precisions`, and the values of the other options."""
-        (backends, _), precisions = given, axes.pop("precisions")
+        (backends, _), precisions = common, axes.pop("precisions")
         combinations = [dict(zip(axes, values, strict=True)) for values in product(*axes.values())]
         labelled = [(self.scene(**one), ", ".join(f"{k} {v}" for k, v in one.items())) for one in combinations]
         return [

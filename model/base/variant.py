@@ -11,7 +11,7 @@ A formula stands in its module as an ordinary function, where it is found, read 
 `Variant(np.float32, numba.njit, {"damped": True})` compiles a copy of it in which
 - literals and constants of its module that are floats have the variant's precision, so that float32 stays float32;
 - `FEATURE.damped` is True (False, where the variant does not name it; or a number, to be compared), and a branch that
-  is never taken is gone before the compiler sees it. A feature is an entry of FEATURES; other names are refused;
+  is never chosen is gone before the compiler sees it. A feature is an entry of FEATURES; other names are refused;
 - formulas that it calls are compiled in the same variant, or replaced by the instructions that the variant names;
 - `a * b` is a call of the variant's product, if it has one (for CUDA, which otherwise contracts a * b + c).
 
@@ -166,15 +166,15 @@ class Variant:
                 raise AttributeError(_unknown_feature(name))
         self.features = frozenset({**(features or {}), SINGLE: real is np.float32}.items())
         self.instructions = instructions or {}
-        self._made: dict[Any, Any] = {}
+        self._compiled: dict[Any, Any] = {}
 
     def __call__(self, formula: Any) -> Any:
         """Return a formula, compiled."""
         if formula.__name__ in self.instructions:
             return self.instructions[formula.__name__]
-        if formula not in self._made:
-            self._made[formula] = self.compiled(self._copied(formula))
-        return self._made[formula]
+        if formula not in self._compiled:
+            self._compiled[formula] = self.compiled(self._copied(formula))
+        return self._compiled[formula]
 
     def of(self, module: ModuleType) -> Formulas:
         """Return the formulas of a module, compiled when they are first asked for."""
@@ -311,13 +311,13 @@ class _Specialise(ast.NodeTransformer):
 
     def block(self, statements: list[ast.stmt]) -> list[ast.stmt]:
         """Return statements without those that are never reached."""
-        kept: list[ast.stmt] = []
+        live: list[ast.stmt] = []
         for statement in statements:
-            found = self.visit(statement)
-            kept += found if isinstance(found, list) else [found]
-            if kept and isinstance(kept[-1], ast.Return):
+            visited = self.visit(statement)
+            live += visited if isinstance(visited, list) else [visited]
+            if live and isinstance(live[-1], ast.Return):
                 break
-        return kept or [ast.copy_location(ast.Pass(), statements[0])]
+        return live or [ast.copy_location(ast.Pass(), statements[0])]
 
     def visit_Attribute(self, node: ast.Attribute) -> ast.AST:
         if isinstance(node.value, ast.Name) and node.value.id == "FEATURE":
@@ -417,8 +417,8 @@ class _Specialise(ast.NodeTransformer):
     def visit_If(self, node: ast.If) -> Any:
         test = self.visit(node.test)
         if isinstance(test, ast.Constant):
-            taken = node.body if test.value else node.orelse
-            return self.block(taken) if taken else []
+            chosen = node.body if test.value else node.orelse
+            return self.block(chosen) if chosen else []
         node.test, node.body = test, self.block(node.body)
         node.orelse = self.block(node.orelse) if node.orelse else []
         return node

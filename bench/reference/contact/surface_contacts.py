@@ -117,12 +117,14 @@ def rub(
     return moved
 
 
-def _largest_loss(slip: np.ndarray, force: np.ndarray, matrices: np.ndarray, own: float, masses: np.ndarray) -> float:
+def _largest_loss(
+    slip: np.ndarray, force: np.ndarray, matrices: np.ndarray, vertex: float, masses: np.ndarray
+) -> float:
     """Return the multiple of `force` (3,) at a vertex that takes away the most energy of its `slip` (3,).
 
-    `matrices` (3, 3, 3): of `force_matrices`; inverse masses: `own` of the vertex, `masses` (3,) of the corners.
+    `matrices` (3, 3, 3): of `force_matrices`; inverse masses: `vertex`, and `masses` (3,) of the corners.
     """
-    yielding = own * (force @ force) + masses @ ((matrices @ force) ** 2).sum(axis=1)
+    yielding = vertex * (force @ force) + masses @ ((matrices @ force) ** 2).sum(axis=1)
     return float(-(force @ slip) / yielding) if yielding > 0 else 0.0
 
 

@@ -92,7 +92,7 @@ def to_cloth(points, before, weights, values, multipliers, constants):
 
 @formula
 def project(points, before, weights, values, multipliers, constants):
-    """See the package; FEATURE.corners: WORLD, CLOTH or BODY."""
+    """Project an attachment, see the package; FEATURE.corners: WORLD, CLOTH or BODY."""
     if FEATURE.corners == WORLD:
         return to_world(points, before, weights, values, multipliers, constants)
     if FEATURE.corners == CLOTH:

@@ -124,7 +124,7 @@ def framed_corner(x, y, z, rest):
 
 @formula
 def framed_corners(g, rest):
-    """As `corners`, for the six numbers of a triangular B."""
+    """Derivatives as by `corners`, for the six numbers of a triangular B."""
     bx, cx, dx, ax = framed_corner(g[0], g[1], g[2], rest)
     by, cy, dy, ay = framed_corner(g[3], g[4], g[5], rest)
     bz, cz, dz, az = framed_corner(g[6], g[7], g[8], rest)
