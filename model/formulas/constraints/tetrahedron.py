@@ -130,8 +130,11 @@ def project_hookean(points, before, weights, values, multipliers, constants):
 
 @formula
 def project(points, before, weights, values, multipliers, constants):
-    """Project a tetrahedron, see the package. FEATURE.material: an index into MATERIALS; .damped: with the damper; .blocks:
-    see the head of the file; .soft: multipliers may differ from 0; .alone: with C_H, which a voxel may have instead (voxel_volume.py)."""
+    """Project a tetrahedron, see the package.
+
+    FEATURE.material: an index into MATERIALS; .damped: with the damper; .blocks: see the head of the file; .soft:
+    multipliers may differ from 0; .alone: with C_H, which a voxel may have instead (voxel_volume.py).
+    """
     if FEATURE.material == HOOKEAN:
         return project_hookean(points, before, weights, values, multipliers, constants)
     if FEATURE.blocks:
