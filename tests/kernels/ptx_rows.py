@@ -386,7 +386,11 @@ def by_vertices_and_newton() -> Iterator[Row]:
         free | springs.PARTS | {DAMPED, "pins", "motion", BODY_DAMPING},
     ):  # fmt: skip
         yield Row(
-            "tetrahedra.newton_kernel:make_newton", {"": "RRRRRRRRRRRRRRIRILNRULlllr"}, (parts,), rare=parts != free
+            "tetrahedra.newton_kernel:make_newton",
+            {"": "RRRRRRRRRRRRRRIRILNRULlllr"},
+            (parts,),
+            rare=parts != free,
+            atomics=some(""),
         )
 
 
@@ -450,10 +454,12 @@ def substep(parts: frozenset[str]) -> Iterator[Row]:
 
 def divergence_free(parts: frozenset[str]) -> Iterator[Row]:
     both = parts, around(parts)
-    yield Row("fluid.divergence:make_targets", {"gather": "RFR", "survey": f"RRFIIRRR{TIME}"}, both)
-    solve = {"relax": "RRFIIRRRRRii", "push": "RRFIIRRRi", "take_up": "RRRFR"}
-    yield Row("fluid.divergence:make_solve", solve, both)
-    motion = {"accelerate": f"RRIRFR{TIME[1:]}RL", "foresee": "RRFIIRRR", "move": f"RRRRRFR{TIME}RR"}
+    targets = {"survey": f"RRFIIRRR{TIME}", "foresee": "RRFIIRRR"}
+    yield Row("fluid.divergence:make_targets", targets, both)
+    yield Row("fluid.divergence:make_solve", {"relax": "RRFIIRRRRRii", "push": "RRFIIRRRi"}, both)
+    motion = {
+        "gather": "RFR", "take_up": "RRRFR", "accelerate": f"RRIRFR{TIME[1:]}RL", "move": f"RRRRRFR{TIME}RR",
+    }  # fmt: skip
     yield Row("fluid.divergence_motion:make_free_motion", motion, both, atomics=some("accelerate"))
 
 
