@@ -177,7 +177,7 @@ def test_what_more_threads_than_cores_cost(cpu: Results) -> None:
 
 
 def test_the_first_step(gpu: Results) -> None:
-    made = kernel_claims.starts(gpu)
+    made = kernel_claims.CLAIMS["starts"](gpu)
     assert made.numbers == {"cpu cold": 4.3, "cpu warm": 1.1, "gpu cold": 4.3, "gpu warm": 1.1}
 
 
