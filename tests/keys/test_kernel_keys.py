@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import json
 import os
+import re
 import shutil
 from pathlib import Path
 
@@ -101,6 +102,8 @@ def test_a_rename_across_a_package_keeps_every_key(tree: Path, backend: str) -> 
         text = file.read_text(encoding="utf-8").replace(
             "softlab.model.formulas.lengths", "softlab.model.formulas.norms"
         )
+        text = re.sub(r"(from softlab\.model\.formulas import .*\b)lengths(?! as)\b", r"\1norms as lengths", text)
+        text = re.sub(r"(from softlab\.model\.formulas import .*\b)lengths as\b", r"\1norms as", text)
         file.write_text(text, encoding="utf-8")
     assert keys_at(tree, descriptions(backend)) == keys_at(ROOT, descriptions(backend))
 

@@ -28,9 +28,9 @@ PTX = """.version 8.0
 }
 """
 SPRINGS = "model/formulas/springs.py"
-LINE = "        scale = stiffness - stiffness_rest * inverse_length(squared_length(dx, dy))\n"
-NAMED = """        square = squared_length(dx, dy)
-        scale = stiffness - stiffness_rest * inverse_length(square)
+LINE = "    scale = stiffness - stiffness_rest * inverse_length(squared_length(dx, dy))\n"
+NAMED = """    square = squared_length(dx, dy)
+    scale = stiffness - stiffness_rest * inverse_length(square)
 """
 
 

@@ -25,6 +25,7 @@ import softlab.cpu_backend.mass_spring.grid.solver as cpu_mass_spring
 from softlab.app.driver import open_simulation
 from softlab.cpu_backend.mass_spring.arrays import Passes, Sheet
 from softlab.cpu_backend.mass_spring.grid.kernels import make_advance
+from softlab.model.base.variant import formula
 from softlab.model.core import own_forces
 from softlab.model.core.integrators import INTEGRATORS
 from softlab.model.core.parameters import PARAMETERS
@@ -46,7 +47,8 @@ def holds_generator(text: str) -> bool:
     return bool(PHILOX & set(re.findall(r"-?\b(?:0x[0-9a-f]+|\d+)\b", text)))
 
 
-def never_known(*_: Any) -> Any:
+@formula
+def never_known(*_):
     """In place of a formula: nothing that numba could compile."""
     raise AssertionError("the formula of an absent part was called")
 
