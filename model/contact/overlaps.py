@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from math import inf, sqrt
-from typing import Any
 
 import numpy as np
 
-from softlab.model.base.variant import plain_formulas
 from softlab.model.contact.cloth_parameters import B_RADIUS, B_THICKNESS, B_U, B_W, B_X, B_Z, collider_rows
 from softlab.model.core.build import build
 from softlab.model.formulas import colliders, distance_field, triangle_tree
@@ -18,24 +16,22 @@ HOLLOW = " (it is solid all through; a tank is made of planes, a floor and walls
 MAX_ASKED = 2000  # free masses: a tenth of a second
 
 
-def _distance(formulas: Any, kind: str, row: np.ndarray, numbers: np.ndarray | None, d: np.ndarray) -> float:
+def _distance(kind: str, row: np.ndarray, numbers: np.ndarray | None, d: np.ndarray) -> float:
     """Return the distance [m] from a point at `d` [m] from the collider's reference point to its surface; `numbers`: of
     a tree or a field."""
     if kind == "mesh_collider":
-        return sqrt(plain_formulas(triangle_tree, float).nearest(numbers, 0, *d.tolist(), inf)[0])
+        return sqrt(triangle_tree.nearest(numbers, 0, *d.tolist(), inf)[0])
     if kind == "distance_field":
-        return float(plain_formulas(distance_field, float).sample(numbers, 0, *d.tolist())[0])
+        return float(distance_field.sample(numbers, 0, *d.tolist())[0])
     sizes: list[float] = [] if kind == "sphere" else row[B_U : B_W + 1].tolist()
     if kind in ("sphere", "capsule"):
         sizes.append(float(row[B_RADIUS]))
-    return float(getattr(formulas, kind)(*d.tolist(), *sizes)[0])
+    return float(getattr(colliders, kind)(*d.tolist(), *sizes)[0])
 
 
-def _distances(
-    formulas: Any, kind: str, row: np.ndarray, numbers: np.ndarray | None, points: np.ndarray
-) -> list[float]:
+def _distances(kind: str, row: np.ndarray, numbers: np.ndarray | None, points: np.ndarray) -> list[float]:
     """Return the distances [m] of points (n, 3) [m] from the collider's surface."""
-    return [_distance(formulas, kind, row, numbers, p - row[B_X : B_Z + 1]) for p in points]
+    return [_distance(kind, row, numbers, p - row[B_X : B_Z + 1]) for p in points]
 
 
 def overlap_lines(scene: Scene) -> list[str]:
@@ -49,10 +45,10 @@ def overlap_lines(scene: Scene) -> list[str]:
     if scene.dimensions == 2:  # of a fluid
         free = np.pad(free, ((0, 0), (0, 1)))
     some = free[:: -(-len(free) // MAX_ASKED) or 1]
-    formulas, lines = plain_formulas(colliders, float), []
+    lines = []
     for (kind, collider), row in zip(scene.colliders, collider_rows(scene, np.float64), strict=True):
         numbers = collider.numbers(float) if isinstance(collider, SurfaceCollider) else None
-        shape = formulas, kind, row, numbers
+        shape = kind, row, numbers
         inside = sum(distance < row[B_THICKNESS] for distance in _distances(*shape, pinned))
         if inside:
             lines.append(
