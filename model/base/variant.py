@@ -385,13 +385,13 @@ class _Specialise(ast.NodeTransformer):
 
     def visit_Compare(self, node: ast.Compare) -> ast.AST:
         """A feature compared with a number or with a constant of the module is a constant."""
+        of_feature = isinstance(node.left, ast.Attribute)
         self.generic_visit(node)
-        if isinstance(node.left, ast.Constant) and len(node.ops) == 1 and type(node.ops[0]) in COMPARED:
+        if of_feature and isinstance(node.left, ast.Constant) and type(node.ops[0]) in COMPARED:
             right = node.comparators[0]
             value = self.known.get(right.id) if isinstance(right, ast.Name) else getattr(right, "value", None)
-            if isinstance(value, (int, str)):
-                compare: Callable[[Any, Any], bool] = COMPARED[type(node.ops[0])]
-                return ast.copy_location(ast.Constant(compare(node.left.value, value)), node)
+            if isinstance(value, (int, str)) and len(node.ops) == 1:
+                return ast.copy_location(ast.Constant(COMPARED[type(node.ops[0])](node.left.value, value)), node)
         return node
 
     def visit_BoolOp(self, node: ast.BoolOp) -> ast.AST:
