@@ -11,7 +11,6 @@ import ast
 import hashlib
 import sys
 import types
-from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -163,23 +162,8 @@ class KernelDigests:
                 return function.__globals__[name]
             return vars(__import__("builtins"))[name]
 
-        tree = tree_of(function)
-        seen = {name for name in _identifiers(tree)}
-        added = [
-            self.describe(function.__globals__[name])  # what a rewritten copy of the source calls besides
-            for name in sorted(set(function.__code__.co_names) - seen)
-            if name in function.__globals__
-        ]
         defaults = self.describe((function.__defaults__, function.__kwdefaults__))
-        return f"{normal_form(tree, resolve, self.describe)} {defaults} {','.join(sorted(added))}"
-
-
-def _identifiers(tree: Any) -> Iterable[str]:
-    for node in ast.walk(tree):
-        for name in ("id", "attr", "arg", "name"):
-            identifier = getattr(node, name, None)
-            if isinstance(identifier, str):
-                yield identifier
+        return f"{normal_form(tree_of(function), resolve, self.describe)} {defaults} "  # as in keys that are stored
 
 
 def _is_foreign(module: str) -> bool:

@@ -101,8 +101,7 @@ def make_predict(compiler: Compiler, real: Real, parts: frozenset[str]) -> Calla
 def make_table(compiler: Compiler, real: Real) -> SimpleNamespace:
     """Make `span`, the table around the boxes of all bands, and `enter`, which computes the cells of particles."""
     formulas = compiler.formulas(formulas_of_cells, real)
-    fits = formulas.fits
-    cells_along, halved, cell_of = formulas.cells_along, formulas.halved, formulas.cell_of
+    cells_along, halved, cell_of, fits = formulas.cells_along, formulas.halved, formulas.cell_of, formulas.fits
     zero, largest = real(0), real(LARGEST)
 
     @compiler.compiled

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, Protocol, TypeVar
 
 from softlab.bench.store.results import Measure
@@ -43,26 +43,6 @@ def timed(points: Callable[[Iterable[Measure]], Sequence[Point]]) -> Callable[[S
     return lambda source, backend: [
         p for p in points(source.measures) if (p.backend, p.precision) == (backend, PRECISION)
     ]
-
-
-def draw_rates(
-    ax: Any,
-    points: Sequence[Any],
-    styles: Mapping[Any, tuple[str, str, str]],
-    lines: Mapping[int, str],
-    kind: Callable[[Any], tuple[Any, int]],
-) -> None:
-    """Draw the `rate` of the points against their `particles`.
-
-    A line for each of `styles` (label, colour, marker) and of `lines`, through the points of that `kind`. Solid lines
-    are in the legend.
-    """
-    for key, (label, colour, marker) in styles.items():
-        for number, line in lines.items():
-            group = [p for p in points if kind(p) == (key, number)]
-            if group:
-                x, y = [p.particles for p in group], [p.rate for p in group]
-                ax.plot(x, y, line, color=colour, marker=marker, label=label if line == "-" else None)
 
 
 def name_of(backend: str, source: Source) -> str:
