@@ -19,14 +19,15 @@ MAX_ASKED = 2000  # free masses: a tenth of a second
 def _distance(kind: str, row: np.ndarray, numbers: np.ndarray | None, d: np.ndarray) -> float:
     """Return the distance [m] from a point at `d` [m] from the collider's reference point to its surface; `numbers`: of
     a tree or a field."""
+    x, y, z = d.tolist()
     if kind == "mesh_collider":
-        return sqrt(triangle_tree.nearest(numbers, 0, *d.tolist(), inf)[0])
+        return sqrt(triangle_tree.nearest(numbers, 0, x, y, z, inf)[0])
     if kind == "distance_field":
-        return float(distance_field.sample(numbers, 0, *d.tolist())[0])
+        return float(distance_field.sample(numbers, 0, x, y, z)[0])
     sizes: list[float] = [] if kind == "sphere" else row[B_U : B_W + 1].tolist()
     if kind in ("sphere", "capsule"):
         sizes.append(float(row[B_RADIUS]))
-    return float(getattr(colliders, kind)(*d.tolist(), *sizes)[0])
+    return float(getattr(colliders, kind)(x, y, z, *sizes)[0])
 
 
 def _distances(kind: str, row: np.ndarray, numbers: np.ndarray | None, points: np.ndarray) -> list[float]:
