@@ -29,6 +29,7 @@ import operator
 from collections.abc import Callable, Mapping
 from difflib import get_close_matches
 from functools import cache
+from threading import Lock
 from types import CodeType, FunctionType, ModuleType
 from typing import Any, TypeVar
 
@@ -36,6 +37,7 @@ import numpy as np
 
 F = TypeVar("F", bound=Callable[..., Any])
 PRODUCT = "_product"  # name of the variant's product in compiled copies
+_PARSING = Lock()
 COMPARED: dict[type[ast.cmpop], Callable[..., bool]] = {
     ast.Eq: operator.eq,
     ast.NotEq: operator.ne,
@@ -280,7 +282,7 @@ def specialised_tree(
 ) -> tuple[ast.FunctionDef, dict[str, float]]:
     """Return (a formula's copy, its float literals by the names they get)."""
     line, text = _definitions(inspect.getfile(function))[function.__name__]
-    definition = ast.increment_lineno(ast.parse(text), line - 1).body[0]
+    definition = ast.increment_lineno(parsed(text), line - 1).body[0]
     assert isinstance(definition, ast.FunctionDef)
     definition.returns = None
     for argument in (*definition.args.args, *definition.args.kwonlyargs):
@@ -292,12 +294,19 @@ def specialised_tree(
     return definition, specialise.constants
 
 
+def parsed(text: str) -> ast.Module:
+    """Return the syntax tree of a text, in one thread at a time: CPython's count of its depth is common to all threads,
+    and another thread's changes end it with a SystemError (https://github.com/python/cpython/issues/106905)."""
+    with _PARSING:
+        return ast.parse(text)
+
+
 @cache
 def _definitions(file: str) -> dict[str, tuple[int, str]]:
     """Return (first line, text) of the functions of a file, without their decorators, by name."""
     with open(file, encoding="utf-8") as source:
         text = source.read()
-    lines, functions = text.splitlines(), [node for node in ast.parse(text).body if isinstance(node, ast.FunctionDef)]
+    lines, functions = text.splitlines(), [node for node in parsed(text).body if isinstance(node, ast.FunctionDef)]
     return {node.name: (node.lineno, "\n".join(lines[node.lineno - 1 : node.end_lineno])) for node in functions}
 
 

@@ -18,7 +18,7 @@ MIDDLE = {"star", "ball", "beam", "letter-o", "tile", "short-pipe", "column"}
 
 
 def test_a_heap_comes_to_rest_and_stays() -> None:
-    """Four seconds and one more: half of its particles go slower than 1 mm/s (measured: 0.4 mm/s, the mean square 8 mm/s),
+    """Six seconds and one more: half of its particles go slower than 1 mm/s (measured: 0.4 mm/s, the mean square 2 mm/s),
     and no body goes as far as a centimetre; nothing was left out of the contacts, and nothing is inside another body. No
     tetrahedron ends inside out, no vertex caught."""
     tables = load_scene("fem-drop").as_dict()
@@ -26,7 +26,7 @@ def test_a_heap_comes_to_rest_and_stays() -> None:
     scene = Scene({name: table for name, table in tables.items() if name not in others})
     assert scene.tetrahedra.keys() == MIDDLE
     with open_simulation(scene, "cpu", math="exact") as simulation:  # the same heap on every machine
-        simulation.advance(240)
+        simulation.advance(360)
         before = simulation.read("position").astype(np.float64)
         simulation.advance(60)
         state, contacts = simulation.state(), simulation.contacts  # type: ignore[attr-defined]
@@ -41,7 +41,7 @@ def test_a_heap_comes_to_rest_and_stays() -> None:
     assert contacts.neighbours_lost == 0 and contacts.lost < 10
     held = (np.arange(MAX_CONTACTS) < contacts.contact_counts[:, None]).ravel()
     values = contacts.values[held]
-    assert len(values) > 100 and not (values[:, V_INSIDE] > 0).any()
+    assert len(values) > 15 and not (values[:, V_INSIDE] > 0).any()
 
 
 def test_the_catalogues_heap_has_a_few_dozen_contacts_at_most_where_it_begins() -> None:

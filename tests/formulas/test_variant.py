@@ -5,6 +5,8 @@ from __future__ import annotations
 import ast
 import inspect
 import re
+import threading
+import time
 import traceback
 from pathlib import Path
 from typing import Any
@@ -24,6 +26,7 @@ from softlab.model.base.variant import (
     formula,
     integer_formula,
     is_formula,
+    parsed,
     plain,
     plain_formulas,
     real,
@@ -249,3 +252,24 @@ def test_every_function_of_the_formulas_is_marked() -> None:
                 unmarked.append(f"{path.name}: {node.name}")
     assert unmarked == []
     assert is_formula(third) and is_formula(filled(ended, {"end": third})) and not is_formula(plain)
+
+
+def test_one_thread_at_a_time_parses(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ranks in threads compile at the same time; CPython's parser does not bear it (SystemError)."""
+    inside: list[int] = []
+    at_once: list[int] = []
+
+    def parse(text: str) -> ast.Module:
+        inside.append(1)
+        time.sleep(0.01)
+        at_once.append(len(inside))
+        inside.pop()
+        return ast.Module([], [])
+
+    monkeypatch.setattr(ast, "parse", parse)
+    threads = [threading.Thread(target=parsed, args=("",)) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert at_once == [1, 1, 1, 1]

@@ -77,14 +77,15 @@ def resting(**parts: Any) -> Scene:
 
 
 def test_the_weight_of_what_rests_on_a_cloth_arrives_at_its_pins() -> None:
-    """The pull of the edges on pinned vertices, by Hooke's law, is the weight of all that is not pinned, to 2 %."""
+    """The pull of the edges on pinned vertices, by Hooke's law, is the weight of all that is not pinned: to 0.2 %
+    down, and to 1 % of it across, the way that vertices go between the projections of one substep (m_total/m h^2 g)."""
     scene = resting()
     found = scene.tetrahedra_set
     start = int(found.first_particle[-1])
     pinned = np.zeros(found.particle_count, bool)
     pinned[found.pinned_vertices] = True
     with open_simulation(scene, "cpu", **EXACT) as simulation:
-        simulation.advance(120)
+        simulation.advance(180)
         state = simulation.state()
     own = state.position[start:]
     (edges,) = (rows for rows in constraint_sets(scene) if rows.kind == "structural")
@@ -95,7 +96,8 @@ def test_the_weight_of_what_rests_on_a_cloth_arrives_at_its_pins() -> None:
     np.add.at(force, edges.corners[:, 0], pull)
     np.subtract.at(force, edges.corners[:, 1], pull)
     weight = GRAVITY * float(found.masses[~pinned].sum())
-    np.testing.assert_allclose(force[pinned[start:]].sum(axis=0), [0.0, -weight, 0.0], atol=0.02 * weight)
+    beside = force[pinned[start:]].sum(axis=0) / weight - [0.0, -1.0, 0.0]
+    assert (np.abs(beside) < [0.01, 0.002, 0.01]).all(), beside
     assert state.position[:start, 1].min() > own[:, 1].min()  # the box lies on it
 
 
