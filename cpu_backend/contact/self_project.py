@@ -13,9 +13,26 @@ import numpy as np
 from softlab.cpu_backend.contact.self_find import V_B, V_C, V_ENFORCED, V_NX, V_NY, V_NZ
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.progress import assigned
-from softlab.model.base.variant import Formulas
+from softlab.model.base.variant import FEATURE, routine
 from softlab.model.contact.self_contact_parameters import MAX_CONTACTS
-from softlab.model.formulas import contact, surface_contact
+from softlab.model.formulas.contact import (
+    along,
+    correction,
+    dot,
+    first_weight,
+    inverse,
+    length,
+    mixed,
+    scaled,
+    shifted,
+    slip,
+    stiffness,
+    taken,
+)
+from softlab.model.formulas.contact import rubbed as rubbed_by_law
+from softlab.model.formulas.surface_contact import BY_TRIANGLE, NEAREST, NONE, apart, checked, over, split, through
+from softlab.model.formulas.surface_contact import load as load_by_push
+from softlab.model.formulas.surface_contact import rub as rub_surfaces
 
 FORCES = 4  # values of a contact in a sweep: depth, displacement of its mass (of weight 1)
 F_DEPTH, F_X, F_Y, F_Z = range(FORCES)
@@ -25,249 +42,281 @@ F_FRICTION = F_PRESS + 1
 RUBBING = F_FRICTION + 3
 
 
-def _make_now(compiler: Compiler, real: Any) -> SimpleNamespace:
-    """Make `shallower`, `rubbed`, `load`: corrections of contacts from the current triangles (surface_contact.py)."""
-    formulas = compiler.formulas(surface_contact, real)
-    checked, apart, over, through = formulas.checked, formulas.apart, formulas.over, formulas.through
-    rub, load, split = formulas.rub, formulas.load, formulas.split
-    none, by_triangle, nearest = surface_contact.NONE, surface_contact.BY_TRIANGLE, surface_contact.NEAREST
-    first_weight = compiler.formulas(contact, real).first_weight
-
-    @compiler.compiled
-    def difference(points, a, b):
-        return points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
-
-    @compiler.compiled
-    def seen_from(points, k, a, b, c):
-        return difference(points, a, k), difference(points, a, b), difference(points, a, c)
-
-    @compiler.compiled
-    def shallower(slot, k, points, begin, corners, values, r, depth, around):
-        """Return the depth of a contact, 0 or less where the surfaces are apart; `checked` has the rule."""
-        a, b, c = corners[slot, 0], corners[slot, 1], corners[slot, 2]
-        n, enforced = (values[slot, V_NX], values[slot, V_NY], values[slot, V_NZ]), values[slot, V_ENFORCED]
-        p, q, w = seen_from(points, k, a, b, c)
-        check = checked(n, r, difference(begin, a, b), difference(begin, a, c), p, q, w, depth, enforced)
-        if check == none:
-            return depth
-        left = enforced - apart(p, q, w)
-        if check != by_triangle:
-            starts, lists, surface = around
-            for corner in range(3):
-                for at in range(starts[corners[slot, corner]], starts[corners[slot, corner] + 1]):
-                    a, b, c = surface[lists[at], 0], surface[lists[at], 1], surface[lists[at], 2]
-                    if k in (a, b, c):
-                        continue
-                    p, q, w = seen_from(points, k, a, b, c)
-                    x, u, v = seen_from(begin, k, a, b, c)
-                    if through(over(x, u, v), over(p, q, w)):
-                        return depth
-                    if check == nearest:
-                        left = max(left, enforced - apart(p, q, w))
-        return min(depth, left)
-
-    @compiler.compiled
-    def rubbed(slot, k, points, begin, contacts, masses_of, parameters, path, forces):
-        """Write the displacement of a contact's mass by friction, for a weight of 1, and the levers on its corners.
-
-        `contacts`: (corners, values); `masses_of`: (weights, loads); `path`: of `slid`.
-        """
-        (corners, values), (weights, loads), (r, slid) = contacts, masses_of, path
-        a, b, c = corners[slot, 0], corners[slot, 1], corners[slot, 2]
-        s, t, n = values[slot, V_B], values[slot, V_C], (values[slot, V_NX], values[slot, V_NY], values[slot, V_NZ])
-        first, press = first_weight(s, t), forces[slot, F_PRESS]
-        masses = (
-            split(weights[k], press, loads[k]), split(weights[a], load(first, press), loads[a]),
-            split(weights[b], load(s, press), loads[b]), split(weights[c], load(t, press), loads[c]),
-        )  # fmt: skip
-        used = forces[slot, F_FRICTION], forces[slot, F_FRICTION + 1], forces[slot, F_FRICTION + 2]
-        j, second, third = rub(
-            n, r, slid, (press, used), (first, s, t), masses,
-            (difference(points, a, b), difference(points, a, c)), (difference(begin, a, b), difference(begin, a, c)),
-            parameters.static_friction, parameters.dynamic_friction,
-        )  # fmt: skip
-        for axis in range(3):
-            forces[slot, F_X + axis], forces[slot, F_FRICTION + axis] = j[axis], used[axis] + j[axis]
-            forces[slot, FORCES + axis], forces[slot, FORCES + 3 + axis] = second[axis], third[axis]
-
-    return SimpleNamespace(shallower=shallower, rubbed=rubbed, load=load)
+@routine
+def difference(points, a, b):
+    return points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
 
 
-def _make_contact(
-    compiler: Compiler, real: Any, formulas: Formulas, friction: bool, surfaces: bool
-) -> tuple[Any, Any, Any]:
-    """Make (depth_of, push, rub), for one contact; `rub` is the friction of surfaces, after all of `push`."""
-    current, zero = _make_now(compiler, real), real(0)
-    shallower, rubbed_surfaces = current.shallower, current.rubbed
-    dot, length, mixed, along = formulas.dot, formulas.length, formulas.mixed, formulas.along
-    stiffness, inverse, slip = formulas.stiffness, formulas.inverse, formulas.slip
-    correction, rubbed, scaled = formulas.correction, formulas.rubbed, formulas.scaled
+@routine
+def seen_from(points, k, a, b, c):
+    return difference(points, a, k), difference(points, a, b), difference(points, a, c)
 
-    @compiler.compiled
-    def offset(points, k, a, b, c, s, t):
-        """Return the vector from the triangle's point to the mass."""
-        return (
-            points[k, 0] - mixed(points[a, 0], points[b, 0], points[c, 0], s, t),
-            points[k, 1] - mixed(points[a, 1], points[b, 1], points[c, 1], s, t),
-            points[k, 2] - mixed(points[a, 2], points[b, 2], points[c, 2], s, t),
-        )
 
-    @compiler.compiled
-    def depth_of(slot, k, points, begin, corners, values, around):
-        """Return the penetration depth below the stored distance [m]; 0 or less if the contact is inactive."""
-        a, b, c = corners[slot, 0], corners[slot, 1], corners[slot, 2]
-        x, y, z = offset(points, k, a, b, c, values[slot, V_B], values[slot, V_C])
-        depth = values[slot, V_ENFORCED] - dot(values[slot, V_NX], values[slot, V_NY], values[slot, V_NZ], x, y, z)
-        if depth > zero:
-            r = offset(begin, k, a, b, c, values[slot, V_B], values[slot, V_C])
-            depth = shallower(slot, k, points, begin, corners, values, r, depth, around)
+@routine
+def shallower(slot, k, points, begin, corners, values, r, depth, around):
+    """Return the depth of a contact, 0 or less where the surfaces are apart; `checked` has the rule."""
+    a, b, c = corners[slot, 0], corners[slot, 1], corners[slot, 2]
+    n, enforced = (values[slot, V_NX], values[slot, V_NY], values[slot, V_NZ]), values[slot, V_ENFORCED]
+    p, q, w = seen_from(points, k, a, b, c)
+    check = checked(n, r, difference(begin, a, b), difference(begin, a, c), p, q, w, depth, enforced)
+    if check == NONE:
         return depth
-
-    @compiler.compiled
-    def slid(slot, k, points, begin, corners, values):
-        """Return (the vector from the triangle's point to the mass, its change in this substep)."""
-        a, b, c, s, t = corners[slot, 0], corners[slot, 1], corners[slot, 2], values[slot, V_B], values[slot, V_C]
-        r, o = offset(points, k, a, b, c, s, t), offset(begin, k, a, b, c, s, t)
-        return r, (r[0] - o[0], r[1] - o[1], r[2] - o[2])
-
-    @compiler.compiled
-    def push(slot, k, points, begin, corners, values, weights, loads, parameters, forces):
-        a, b, c = corners[slot, 0], corners[slot, 1], corners[slot, 2]
-        s, t, depth = values[slot, V_B], values[slot, V_C], forces[slot, F_DEPTH]
-        nx, ny, nz = values[slot, V_NX], values[slot, V_NY], values[slot, V_NZ]
-        scale = inverse(
-            stiffness(weights[k], loads[k], weights[a], loads[a], weights[b], loads[b], weights[c], loads[c], s, t)
-        )
-        if friction and not surfaces:
-            _, (x, y, z) = slid(slot, k, points, begin, corners, values)
-            toward = dot(nx, ny, nz, x, y, z)
-            x, y, z = along(x, nx, toward), along(y, ny, toward), along(z, nz, toward)
-            part = slip(length(x, y, z), depth, parameters.static_friction, parameters.dynamic_friction)
-            forces[slot, F_X] = rubbed(depth, nx, part, x, scale)
-            forces[slot, F_Y] = rubbed(depth, ny, part, y, scale)
-            forces[slot, F_Z] = rubbed(depth, nz, part, z, scale)
-        else:
-            forces[slot, F_X] = correction(depth, nx, scale)
-            forces[slot, F_Y] = correction(depth, ny, scale)
-            forces[slot, F_Z] = correction(depth, nz, scale)
-            if friction:  # which comes next
-                forces[slot, F_PRESS] += scaled(depth, scale)
-
-    @compiler.compiled
-    def rub(slot, k, points, begin, corners, values, weights, loads, parameters, forces):
-        path = slid(slot, k, points, begin, corners, values)
-        rubbed_surfaces(slot, k, points, begin, (corners, values), (weights, loads), parameters, path, forces)
-
-    return depth_of, push, rub
+    left = enforced - apart(p, q, w)
+    if check != BY_TRIANGLE:
+        starts, lists, surface = around
+        for corner in range(3):
+            for at in range(starts[corners[slot, corner]], starts[corners[slot, corner] + 1]):
+                a, b, c = surface[lists[at], 0], surface[lists[at], 1], surface[lists[at], 2]
+                if k in (a, b, c):
+                    continue
+                p, q, w = seen_from(points, k, a, b, c)
+                x, u, v = seen_from(begin, k, a, b, c)
+                if through(over(x, u, v), over(p, q, w)):
+                    return depth
+                if check == NEAREST:
+                    left = max(left, enforced - apart(p, q, w))
+    return min(depth, left)
 
 
-def _make_link(compiler: Compiler, real: Any, levered: bool) -> Any:
-    """Make link_contacts: see the inner function."""
-    zero = real(0)
+@routine
+def rubbed(slot, k, points, begin, contacts, masses_of, parameters, path, forces):
+    """Write the displacement of a contact's mass by friction, for a weight of 1, and the levers on its corners.
 
-    def link_contacts(team, member, bands, contact_counts, corners, starts, totals, links, forces):
-        """List, for mass m, the places (3 contact + corner) where it is a corner: links[starts[m] : starts[m + 1]],
-        ascending. Set the impulses of the substep to 0.
+    `contacts`: (corners, values); `masses_of`: (weights, loads); `path`: of `slid`.
+    """
+    (corners, values), (weights, loads), (r, slid) = contacts, masses_of, path
+    a, b, c = corners[slot, 0], corners[slot, 1], corners[slot, 2]
+    s, t, n = values[slot, V_B], values[slot, V_C], (values[slot, V_NX], values[slot, V_NY], values[slot, V_NZ])
+    first, press = first_weight(s, t), forces[slot, F_PRESS]
+    masses = (
+        split(weights[k], press, loads[k]), split(weights[a], load_by_push(first, press), loads[a]),
+        split(weights[b], load_by_push(s, press), loads[b]), split(weights[c], load_by_push(t, press), loads[c]),
+    )  # fmt: skip
+    used = forces[slot, F_FRICTION], forces[slot, F_FRICTION + 1], forces[slot, F_FRICTION + 2]
+    j, second, third = rub_surfaces(
+        n, r, slid, (press, used), (first, s, t), masses,
+        (difference(points, a, b), difference(points, a, c)), (difference(begin, a, b), difference(begin, a, c)),
+        parameters.static_friction, parameters.dynamic_friction,
+    )  # fmt: skip
+    for axis in range(3):
+        forces[slot, F_X + axis], forces[slot, F_FRICTION + axis] = j[axis], used[axis] + j[axis]
+        forces[slot, FORCES + axis], forces[slot, FORCES + 3 + axis] = second[axis], third[axis]
 
-        Each thread has a range of masses and reads all contacts; a counting sort.
-        """
-        masses = contact_counts.size
+
+@routine
+def offset(points, k, a, b, c, s, t):
+    """Return the vector from the triangle's point to the mass."""
+    return (
+        points[k, 0] - mixed(points[a, 0], points[b, 0], points[c, 0], s, t),
+        points[k, 1] - mixed(points[a, 1], points[b, 1], points[c, 1], s, t),
+        points[k, 2] - mixed(points[a, 2], points[b, 2], points[c, 2], s, t),
+    )
+
+
+@routine
+def depth_of(slot, k, points, begin, corners, values, around):
+    """Return the penetration depth below the stored distance [m]; 0 or less if the contact is inactive."""
+    a, b, c = corners[slot, 0], corners[slot, 1], corners[slot, 2]
+    x, y, z = offset(points, k, a, b, c, values[slot, V_B], values[slot, V_C])
+    depth = values[slot, V_ENFORCED] - dot(values[slot, V_NX], values[slot, V_NY], values[slot, V_NZ], x, y, z)
+    if depth > 0.0:
+        r = offset(begin, k, a, b, c, values[slot, V_B], values[slot, V_C])
+        depth = shallower(slot, k, points, begin, corners, values, r, depth, around)
+    return depth
+
+
+@routine
+def slid(slot, k, points, begin, corners, values):
+    """Return (the vector from the triangle's point to the mass, its change in this substep)."""
+    a, b, c, s, t = corners[slot, 0], corners[slot, 1], corners[slot, 2], values[slot, V_B], values[slot, V_C]
+    r, o = offset(points, k, a, b, c, s, t), offset(begin, k, a, b, c, s, t)
+    return r, (r[0] - o[0], r[1] - o[1], r[2] - o[2])
+
+
+@routine
+def push(slot, k, points, begin, corners, values, weights, loads, parameters, forces):
+    a, b, c = corners[slot, 0], corners[slot, 1], corners[slot, 2]
+    s, t, depth = values[slot, V_B], values[slot, V_C], forces[slot, F_DEPTH]
+    nx, ny, nz = values[slot, V_NX], values[slot, V_NY], values[slot, V_NZ]
+    scale = inverse(
+        stiffness(weights[k], loads[k], weights[a], loads[a], weights[b], loads[b], weights[c], loads[c], s, t)
+    )
+    if FEATURE.friction and not FEATURE.levers:
+        _, (x, y, z) = slid(slot, k, points, begin, corners, values)
+        toward = dot(nx, ny, nz, x, y, z)
+        x, y, z = along(x, nx, toward), along(y, ny, toward), along(z, nz, toward)
+        part = slip(length(x, y, z), depth, parameters.static_friction, parameters.dynamic_friction)
+        forces[slot, F_X] = rubbed_by_law(depth, nx, part, x, scale)
+        forces[slot, F_Y] = rubbed_by_law(depth, ny, part, y, scale)
+        forces[slot, F_Z] = rubbed_by_law(depth, nz, part, z, scale)
+    else:
+        forces[slot, F_X] = correction(depth, nx, scale)
+        forces[slot, F_Y] = correction(depth, ny, scale)
+        forces[slot, F_Z] = correction(depth, nz, scale)
+        if FEATURE.friction:  # which comes next
+            forces[slot, F_PRESS] += scaled(depth, scale)
+
+
+@routine
+def rub(slot, k, points, begin, corners, values, weights, loads, parameters, forces):
+    path = slid(slot, k, points, begin, corners, values)
+    rubbed(slot, k, points, begin, (corners, values), (weights, loads), parameters, path, forces)
+
+
+@routine
+def link_contacts(team, member, bands, contact_counts, corners, starts, totals, links, forces):
+    """List, for mass m, the places (3 contact + corner) where it is a corner: links[starts[m] : starts[m + 1]],
+    ascending. Set the impulses of the substep to 0.
+
+    Each thread has a range of masses and reads all contacts; a counting sort.
+    """
+    masses = contact_counts.size
+    for band in assigned(team, member, bands):
+        low, high = masses * band // bands, masses * (band + 1) // bands
+        starts[low:high] = 0
+        inside = 0
+        for k in range(masses):
+            first = k * MAX_CONTACTS
+            for slot in range(first, first + min(contact_counts[k], MAX_CONTACTS)):
+                if FEATURE.levers and low <= k < high:
+                    for column in range(F_PRESS, RUBBING):
+                        forces[slot, column] = 0.0
+                for corner in range(3):
+                    m = corners[slot, corner]
+                    if low <= m < high:
+                        starts[m] += 1
+                        inside += 1
+        totals[band] = inside
+    for band in assigned(team, member, bands):
+        low, high = masses * band // bands, masses * (band + 1) // bands
+        end = np.int64(0)
+        for before_it in range(band):
+            end += totals[before_it]
+        if band == bands - 1:
+            starts[masses] = end + totals[band]
+        for m in range(low, high):
+            end += starts[m]
+            starts[m] = end
+        for backward in range(masses):
+            k = masses - 1 - backward
+            contact_count = min(contact_counts[k], MAX_CONTACTS)
+            for back in range(contact_count):
+                slot = k * MAX_CONTACTS + contact_count - 1 - back
+                for corner in range(3):
+                    m = corners[slot, corner]
+                    if low <= m < high:
+                        starts[m] -= 1
+                        links[starts[m]] = 3 * slot + corner
+
+
+@routine
+def corner_weight(values, place):
+    """Return the weight of the corner place % 3 of contact place // 3."""
+    slot, corner = place // 3, place % 3
+    if corner == 0:
+        return first_weight(values[slot, V_B], values[slot, V_C])
+    return values[slot, V_B + corner - 1]
+
+
+@routine
+def lever(forces, place, axis):
+    """Return the further displacement of a triangle's corner along an axis; `place` as in `corner_weight`."""
+    slot, corner = place // 3, place % 3
+    if corner == 0:
+        return -(forces[slot, FORCES + axis] + forces[slot, FORCES + 3 + axis])
+    return forces[slot, FORCES + 3 * (corner - 1) + axis]
+
+
+@routine
+def gather(k, contact_counts, values, starts, links, forces, levered):
+    """Return the displacement of mass k by all its contacts, for a weight of 1; by friction if `levered`."""
+    x, y, z, active = 0.0, 0.0, 0.0, F_PRESS if levered else F_DEPTH
+    for slot in range(k * MAX_CONTACTS, k * MAX_CONTACTS + min(contact_counts[k], MAX_CONTACTS)):
+        if forces[slot, active] > 0.0:
+            x, y, z = x + forces[slot, F_X], y + forces[slot, F_Y], z + forces[slot, F_Z]
+    for place in range(starts[k], starts[k + 1]):
+        slot = links[place] // 3
+        if forces[slot, active] > 0.0:
+            part = corner_weight(values, links[place])
+            x = taken(x, part, forces[slot, F_X])
+            y = taken(y, part, forces[slot, F_Y])
+            z = taken(z, part, forces[slot, F_Z])
+            if levered:
+                x, y = x - lever(forces, links[place], 0), y - lever(forces, links[place], 1)
+                z = z - lever(forces, links[place], 2)
+    return x, y, z
+
+
+@routine
+def load_of(k, contact_counts, values, starts, links, forces, levered):
+    """Return the number of active contacts of mass k, or the sum of `load` if `levered`; as a triangle's corner it
+    counts them by its weight."""
+    load, active = 0.0, F_PRESS if levered else F_DEPTH
+    for slot in range(k * MAX_CONTACTS, k * MAX_CONTACTS + min(contact_counts[k], MAX_CONTACTS)):
+        if forces[slot, active] > 0.0:
+            load += forces[slot, active] if levered else 1.0
+    for place in range(starts[k], starts[k + 1]):
+        force = forces[links[place] // 3, active]
+        if force > 0.0:
+            part = corner_weight(values, links[place])
+            load += load_by_push(part, force) if levered else part
+    return load
+
+
+@routine
+def move(k, position, contact_counts, values, starts, links, weights, forces, points, levered):
+    x, y, z = gather(k, contact_counts, values, starts, links, forces, levered)
+    i, j = k // position.shape[2], k % position.shape[2]
+    position[0, i, j] = shifted(points[k, 0], weights[k], x)
+    position[1, i, j] = shifted(points[k, 1], weights[k], y)
+    position[2, i, j] = shifted(points[k, 2], weights[k], z)
+    for axis in range(3):
+        points[k, axis] = position[axis, i, j]
+
+
+@routine
+def project_contacts(team, member, bands, sweeps, position, begin, contacts, weights, parameters, scratch):
+    """Sweep over the contacts, all of a sweep from one state, and update `position` (3, rows, columns). Friction of
+    surfaces has as many sweeps, after all those that push: contacts are rubbed by what they bear together.
+
+    `contacts`: (found, corners, values, starts, links, around); `scratch`: (points, loads, forces).
+    """
+    (contact_counts, corners, values, starts, links, around), (points, loads, forces) = contacts, scratch
+    rows, columns = position.shape[1], position.shape[2]
+    masses = rows * columns
+    for sweep in range(sweeps):
         for band in assigned(team, member, bands):
-            low, high = masses * band // bands, masses * (band + 1) // bands
-            starts[low:high] = 0
-            inside = 0
-            for k in range(masses):
-                first = k * MAX_CONTACTS
-                for slot in range(first, first + min(contact_counts[k], MAX_CONTACTS)):
-                    if levered and low <= k < high:
-                        for column in range(F_PRESS, RUBBING):
-                            forces[slot, column] = zero
-                    for corner in range(3):
-                        m = corners[slot, corner]
-                        if low <= m < high:
-                            starts[m] += 1
-                            inside += 1
-            totals[band] = inside
+            for k in range(masses * band // bands, masses * (band + 1) // bands):
+                for axis in range(3):
+                    points[k, axis] = position[axis, k // columns, k % columns]
         for band in assigned(team, member, bands):
-            low, high = masses * band // bands, masses * (band + 1) // bands
-            end = np.int64(0)
-            for before_it in range(band):
-                end += totals[before_it]
-            if band == bands - 1:
-                starts[masses] = end + totals[band]
-            for m in range(low, high):
-                end += starts[m]
-                starts[m] = end
-            for backward in range(masses):
-                k = masses - 1 - backward
-                contact_count = min(contact_counts[k], MAX_CONTACTS)
-                for back in range(contact_count):
-                    slot = k * MAX_CONTACTS + contact_count - 1 - back
-                    for corner in range(3):
-                        m = corners[slot, corner]
-                        if low <= m < high:
-                            starts[m] -= 1
-                            links[starts[m]] = 3 * slot + corner
-
-    return compiler.team(link_contacts)
-
-
-def _make_gather(compiler: Compiler, real: Any, formulas: Formulas) -> tuple[Any, Any]:
-    """Make (gather, load_of), for one mass."""
-    first_weight, taken, zero, one = formulas.first_weight, formulas.taken, real(0), real(1)
-    load_at = _make_now(compiler, real).load
-
-    @compiler.compiled
-    def corner_weight(values, place):
-        """Return the weight of the corner place % 3 of contact place // 3."""
-        slot, corner = place // 3, place % 3
-        if corner == 0:
-            return first_weight(values[slot, V_B], values[slot, V_C])
-        return values[slot, V_B + corner - 1]
-
-    @compiler.compiled
-    def lever(forces, place, axis):
-        """Return the further displacement of a triangle's corner along an axis; `place` as in `corner_weight`."""
-        slot, corner = place // 3, place % 3
-        if corner == 0:
-            return -(forces[slot, FORCES + axis] + forces[slot, FORCES + 3 + axis])
-        return forces[slot, FORCES + 3 * (corner - 1) + axis]
-
-    @compiler.compiled
-    def gather(k, contact_counts, values, starts, links, forces, levered):
-        """Return the displacement of mass k by all its contacts, for a weight of 1; by friction if `levered`."""
-        x, y, z, active = zero, zero, zero, F_PRESS if levered else F_DEPTH
-        for slot in range(k * MAX_CONTACTS, k * MAX_CONTACTS + min(contact_counts[k], MAX_CONTACTS)):
-            if forces[slot, active] > zero:
-                x, y, z = x + forces[slot, F_X], y + forces[slot, F_Y], z + forces[slot, F_Z]
-        for place in range(starts[k], starts[k + 1]):
-            slot = links[place] // 3
-            if forces[slot, active] > zero:
-                part = corner_weight(values, links[place])
-                x = taken(x, part, forces[slot, F_X])
-                y = taken(y, part, forces[slot, F_Y])
-                z = taken(z, part, forces[slot, F_Z])
-                if levered:
-                    x, y = x - lever(forces, links[place], 0), y - lever(forces, links[place], 1)
-                    z = z - lever(forces, links[place], 2)
-        return x, y, z
-
-    @compiler.compiled
-    def load_of(k, contact_counts, values, starts, links, forces, levered):
-        """Return the number of active contacts of mass k, or the sum of `load` if `levered`; as a triangle's corner it
-        counts them by its weight."""
-        load, active = zero, F_PRESS if levered else F_DEPTH
-        for slot in range(k * MAX_CONTACTS, k * MAX_CONTACTS + min(contact_counts[k], MAX_CONTACTS)):
-            if forces[slot, active] > zero:
-                load += forces[slot, active] if levered else one
-        for place in range(starts[k], starts[k + 1]):
-            force = forces[links[place] // 3, active]
-            if force > zero:
-                part = corner_weight(values, links[place])
-                load += load_at(part, force) if levered else part
-        return load
-
-    return gather, load_of
+            for k in range(masses * band // bands, masses * (band + 1) // bands):
+                for slot in range(k * MAX_CONTACTS, k * MAX_CONTACTS + min(contact_counts[k], MAX_CONTACTS)):
+                    forces[slot, F_DEPTH] = depth_of(slot, k, points, begin, corners, values, around)
+        for band in assigned(team, member, bands):
+            for k in range(masses * band // bands, masses * (band + 1) // bands):
+                loads[k] = load_of(k, contact_counts, values, starts, links, forces, False)
+        for band in assigned(team, member, bands):
+            for k in range(masses * band // bands, masses * (band + 1) // bands):
+                for slot in range(k * MAX_CONTACTS, k * MAX_CONTACTS + min(contact_counts[k], MAX_CONTACTS)):
+                    if forces[slot, F_DEPTH] > 0.0:
+                        push(slot, k, points, begin, corners, values, weights, loads, parameters, forces)
+        for band in assigned(team, member, bands):
+            for k in range(masses * band // bands, masses * (band + 1) // bands):
+                if loads[k] > 0.0 and weights[k] > 0.0:
+                    move(k, position, contact_counts, values, starts, links, weights, forces, points, False)
+                if FEATURE.levers and sweep == sweeps - 1:
+                    loads[k] = load_of(k, contact_counts, values, starts, links, forces, True)
+    for _ in range(sweeps if FEATURE.levers else 0):
+        for band in assigned(team, member, bands):
+            for k in range(masses * band // bands, masses * (band + 1) // bands):
+                for slot in range(k * MAX_CONTACTS, k * MAX_CONTACTS + min(contact_counts[k], MAX_CONTACTS)):
+                    if forces[slot, F_PRESS] > 0.0:
+                        rub(slot, k, points, begin, corners, values, weights, loads, parameters, forces)
+        for band in assigned(team, member, bands):
+            for k in range(masses * band // bands, masses * (band + 1) // bands):
+                if loads[k] > 0.0 and weights[k] > 0.0:
+                    move(k, position, contact_counts, values, starts, links, weights, forces, points, True)
 
 
 @cache
@@ -277,65 +326,9 @@ def make_project(real: Any, math: str, friction: bool, surfaces: bool = False) -
     `surfaces`: friction exerts no moment. `around`: (offsets and triangles at each particle, the triangles' corners).
     """
     words = ("friction" if friction else "smooth") + "_surfaces" * surfaces
-    variant = f"{np.dtype(real).name}_{math}_{words}"
-    compiler = Compiler(variant, math)
-    formulas, zero = compiler.formulas(contact, real), real(0)
-    (depth_of, push, rub), shifted = _make_contact(compiler, real, formulas, friction, surfaces), formulas.shifted
-    (gather, load_of), levered = _make_gather(compiler, real, formulas), friction and surfaces
-
-    @compiler.compiled
-    def move(k, position, contact_counts, values, starts, links, weights, forces, points, levered):
-        x, y, z = gather(k, contact_counts, values, starts, links, forces, levered)
-        i, j = k // position.shape[2], k % position.shape[2]
-        position[0, i, j] = shifted(points[k, 0], weights[k], x)
-        position[1, i, j] = shifted(points[k, 1], weights[k], y)
-        position[2, i, j] = shifted(points[k, 2], weights[k], z)
-        for axis in range(3):
-            points[k, axis] = position[axis, i, j]
-
-    def project_contacts(team, member, bands, sweeps, position, begin, contacts, weights, parameters, scratch):
-        """Sweep over the contacts, all of a sweep from one state, and update `position` (3, rows, columns). Friction of
-        surfaces has as many sweeps, after all those that push: contacts are rubbed by what they bear together.
-
-        `contacts`: (found, corners, values, starts, links, around); `scratch`: (points, loads, forces).
-        """
-        (contact_counts, corners, values, starts, links, around), (points, loads, forces) = contacts, scratch
-        rows, columns = position.shape[1], position.shape[2]
-        masses = rows * columns
-        for sweep in range(sweeps):
-            for band in assigned(team, member, bands):
-                for k in range(masses * band // bands, masses * (band + 1) // bands):
-                    for axis in range(3):
-                        points[k, axis] = position[axis, k // columns, k % columns]
-            for band in assigned(team, member, bands):
-                for k in range(masses * band // bands, masses * (band + 1) // bands):
-                    for slot in range(k * MAX_CONTACTS, k * MAX_CONTACTS + min(contact_counts[k], MAX_CONTACTS)):
-                        forces[slot, F_DEPTH] = depth_of(slot, k, points, begin, corners, values, around)
-            for band in assigned(team, member, bands):
-                for k in range(masses * band // bands, masses * (band + 1) // bands):
-                    loads[k] = load_of(k, contact_counts, values, starts, links, forces, False)
-            for band in assigned(team, member, bands):
-                for k in range(masses * band // bands, masses * (band + 1) // bands):
-                    for slot in range(k * MAX_CONTACTS, k * MAX_CONTACTS + min(contact_counts[k], MAX_CONTACTS)):
-                        if forces[slot, F_DEPTH] > zero:
-                            push(slot, k, points, begin, corners, values, weights, loads, parameters, forces)
-            for band in assigned(team, member, bands):
-                for k in range(masses * band // bands, masses * (band + 1) // bands):
-                    if loads[k] > zero and weights[k] > zero:
-                        move(k, position, contact_counts, values, starts, links, weights, forces, points, False)
-                    if levered and sweep == sweeps - 1:
-                        loads[k] = load_of(k, contact_counts, values, starts, links, forces, True)
-        for _ in range(sweeps if levered else 0):
-            for band in assigned(team, member, bands):
-                for k in range(masses * band // bands, masses * (band + 1) // bands):
-                    for slot in range(k * MAX_CONTACTS, k * MAX_CONTACTS + min(contact_counts[k], MAX_CONTACTS)):
-                        if forces[slot, F_PRESS] > zero:
-                            rub(slot, k, points, begin, corners, values, weights, loads, parameters, forces)
-            for band in assigned(team, member, bands):
-                for k in range(masses * band // bands, masses * (band + 1) // bands):
-                    if loads[k] > zero and weights[k] > zero:
-                        move(k, position, contact_counts, values, starts, links, weights, forces, points, True)
-
+    compiler = Compiler(f"{np.dtype(real).name}_{math}_{words}", math)
+    variant = compiler.variant_of(real, {"friction": friction, "levers": friction and surfaces})
     return SimpleNamespace(
-        link_contacts=_make_link(compiler, real, levered), project_contacts=compiler.team(project_contacts)
+        link_contacts=compiler.team(variant.copied(link_contacts)),
+        project_contacts=compiler.team(variant.copied(project_contacts)),
     )

@@ -87,7 +87,8 @@ class Compiler:
         """Return what compiles formulas in a precision, `compiled` or `inlined`; see model/base/variant.py."""
         variant = real, inline, frozenset((features or {}).items())
         if variant not in self._variants:
-            self._variants[variant] = Variant(real, self.inlined if inline else self.compiled, features)
+            ways = {"row": self.row, "inlined": self.inlined}
+            self._variants[variant] = Variant(real, self.inlined if inline else self.compiled, features, ways=ways)
         return self._variants[variant]
 
     def row(self, function: Callable) -> Callable:

@@ -18,6 +18,7 @@ from softlab.gpu_backend.core.device import simulated
 from softlab.model.base.digest import content_digest, file_name
 from softlab.model.base.kernel_cache import NamedByContent, NotifyingCache, Place, attach_cache
 from softlab.model.base.types import Real
+from softlab.model.base.variant import Variant
 
 
 class Kernel(Protocol):
@@ -66,6 +67,11 @@ def make_kernel(function: Callable, variant: str, **options: Any) -> Kernel:
 def make_kernels(functions: Iterable[Callable], variant: str, **options: Any) -> SimpleNamespace:
     """Compile kernels, by the names of their functions."""
     return SimpleNamespace(**{function.__name__: make_kernel(function, variant, **options) for function in functions})
+
+
+def kernels_of(variant: Variant, math: str, routines: Iterable[Callable], label: str) -> SimpleNamespace:
+    """Compile kernels in a variant, by their names; `label` is for readers."""
+    return make_kernels(map(variant.copied, routines), label, **kernel_options(math))
 
 
 @cache

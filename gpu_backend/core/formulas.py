@@ -90,7 +90,7 @@ def _variant(real: Real, math: str, inline: bool, features: frozenset[tuple[str,
     instructions = _instructions(real, math, options)
     product = instructions.pop(PRODUCT, None)
     compiled = inlined(math) if inline else cuda.jit(device=True, **options)
-    return Variant(real, compiled, dict(features), product, instructions)
+    return Variant(real, compiled, dict(features), product, instructions, {"inlined": inlined(math)})
 
 
 def device_variant(real: Real, math: str, features: Mapping[str, Any] | None = None, inline: bool = False) -> Variant:

@@ -18,6 +18,9 @@ A formula stands in its module as an ordinary function, where it is found, read 
 Line numbers are those of the file, so that tracebacks and debuggers show it. An integer literal times a float32 is a
 float64 in numba: formulas with one are refused (`2.0 * x`, not `2 * x`), as are `float(x)` and `np.float64(x)`. Integer
 arithmetic is an `integer_formula`, whose products stay as they are.
+
+A kernel, and what it calls that reads or writes arrays, is a `routine`: it stands in its module and is compiled in the
+same variants, with its products as they are. `copied` is the copy of a kernel, which a backend compiles its own way.
 """
 
 from __future__ import annotations
@@ -26,7 +29,7 @@ import ast
 import builtins
 import inspect
 import operator
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from difflib import get_close_matches
 from functools import cache
 from threading import Lock
@@ -53,7 +56,9 @@ FEATURES = {  # what a variant may have and a formula may ask for
     "bounces": "contacts have restitution",
     "corners": "number of corners of an attachment",
     "damped": "there is a damper",
+    "friction": "contacts have friction",
     "in_place": "friction acts within the iterations",
+    "levers": "friction of surfaces acts at the vertex, and turns triangles",
     "linear": "one linearised step of implicit Euler",
     "load": "masses differ",
     "material": "number of the elastic energy",
@@ -101,12 +106,28 @@ def integer_formula(function: F) -> F:
     return _marked(function, rounds_products=False)
 
 
-def _marked(function: F, rounds_products: bool) -> F:
+def routine(function: F) -> F:
+    """Mark a kernel, or a part of one that reads or writes arrays, as one that variants compile. Raises TypeError: it is
+    not at the top level of a file."""
+    return _marked(function, rounds_products=False)
+
+
+def row_routine(function: F) -> F:
+    """Mark a routine as a loop along rows: its arrays do not overlap, except for those that it only reads."""
+    return _marked(function, rounds_products=False, how="row")
+
+
+def inlined_routine(function: F) -> F:
+    """Mark a routine as one whose arguments cost more to pass than its body, or lie in registers."""
+    return _marked(function, rounds_products=False, how="inlined")
+
+
+def _marked(function: F, rounds_products: bool, how: str = "") -> F:
     if function.__name__ != function.__qualname__ or function.__name__ == "<lambda>":
         raise TypeError(
             f"{place(function)}: a formula is a `def` at the top level of a file, not {function.__qualname__}"
         )
-    function.rounds_products = rounds_products  # type: ignore[attr-defined]
+    function.rounds_products, function.how = rounds_products, how  # type: ignore[attr-defined]
     return function
 
 
@@ -131,7 +152,7 @@ class Filled:
     def __init__(self, function: Any, names: dict[str, Any]):
         self.function, self.names = function, names
         self.__name__, self.__module__, self.__doc__ = function.__name__, function.__module__, function.__doc__
-        self.rounds_products = function.rounds_products
+        self.rounds_products, self.how = function.rounds_products, function.how
 
     def __call__(self, *arguments: object) -> Any:
         return Variant(np.float64)(self)(*arguments)
@@ -155,34 +176,36 @@ class Variant:
     """One arithmetic and one set of features; `compiled` is the decorator that compiles a function.
 
     `features`: by name, what is not False; `product`: what multiplies, or None; `instructions`: names of formulas ->
-    functions that take their place.
+    functions that take their place; `ways`: decorators of routines that are marked as a row or inlined.
     """
 
     def __init__(
         self, real: Any, compiled: Callable[[Callable], Any] = plain, features: Mapping[str, Any] | None = None,
         product: Callable | None = None, instructions: Mapping[str, Callable] | None = None,
+        ways: Mapping[str, Callable[[Callable], Any]] | None = None,
     ):  # fmt: skip
         self.real, self.compiled, self.product = real, compiled, product
         for name in features or {}:
             if name not in FEATURES:
                 raise AttributeError(_unknown_feature(name))
         self.features = frozenset({**(features or {}), SINGLE: real is np.float32}.items())
-        self.instructions = instructions or {}
+        self.instructions, self._ways = instructions or {}, ways or {}
         self._compiled: dict[Any, Any] = {}
 
     def __call__(self, formula: Any) -> Any:
         """Return a formula, compiled."""
-        if formula.__name__ in self.instructions:
+        if formula.rounds_products and formula.__name__ in self.instructions:
             return self.instructions[formula.__name__]
         if formula not in self._compiled:
-            self._compiled[formula] = self.compiled(self._copied(formula))
+            self._compiled[formula] = self._ways.get(formula.how, self.compiled)(self.copied(formula))
         return self._compiled[formula]
 
     def of(self, module: ModuleType) -> Formulas:
         """Return the formulas of a module, compiled when they are first asked for."""
         return Formulas(self, module)
 
-    def _copied(self, formula: Any) -> FunctionType:
+    def copied(self, formula: Any) -> FunctionType:
+        """Return a new copy of a formula or routine in this variant, not compiled; what it calls is."""
         function, names = (formula.function, formula.names) if isinstance(formula, Filled) else (formula, {})
         known = vars(builtins) | function.__globals__ | names
         rounded = self.product is not None and function.rounds_products
@@ -229,6 +252,12 @@ class Formulas:
                 f"{self._module.__name__}.{name} is no formula: write @formula, or @integer_formula, above it"
             )
         return self.variant(formula)
+
+
+def features_of(parts: Iterable[str]) -> dict[str, bool]:
+    """Return the features that a scene's `parts` switch on, by their names in FEATURES."""
+    present = {part.replace("-", "_") for part in parts}
+    return {name: True for name in FEATURES if name in present}
 
 
 def plain_formulas(module: ModuleType, real: Any, features: Mapping[str, Any] | None = None) -> Formulas:

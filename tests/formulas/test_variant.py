@@ -22,14 +22,18 @@ from softlab.model.base.variant import (
     Open,
     Variant,
     check_returns,
+    features_of,
     filled,
     formula,
+    inlined_routine,
     integer_formula,
     is_formula,
     parsed,
     plain,
     plain_formulas,
     real,
+    routine,
+    row_routine,
 )
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -273,3 +277,43 @@ def test_one_thread_at_a_time_parses(monkeypatch: pytest.MonkeyPatch) -> None:
     for thread in threads:
         thread.join()
     assert at_once == [1, 1, 1, 1]
+
+
+@routine
+def doubled_at(values, k):
+    values[3 * k] = 2.0 * halved(values[k]) if FEATURE.damped else 0.1
+
+
+@row_routine
+def along_a_row(values):
+    doubled_at(values, 0)
+
+
+@inlined_routine
+def in_registers(values):
+    along_a_row(values)
+
+
+def test_routines_are_compiled_their_own_way_and_keep_their_products() -> None:
+    """Indices are products, too: an exact product on CUDA takes floats."""
+    ways: list[str] = []
+
+    def way(name: str) -> Any:
+        return lambda function: ways.append(f"{function.__name__} {name}") or function
+
+    variant = Variant(
+        np.float32, way("compiled"), {"damped": True}, product=lambda a, b: a * b + 100.0,
+        instructions={"doubled_at": plain}, ways={"row": way("row"), "inlined": way("inlined")},
+    )  # fmt: skip
+    values = np.array([3, 0, 0], np.float32)
+    variant.copied(in_registers)(values)
+    assert ways == ["third compiled", "halved compiled", "doubled_at compiled", "along_a_row row"]
+    assert values[0] == np.float32(2) * (np.float32(0.5) * (np.float32(THIRD) * np.float32(3) + 100) + 100)
+    variant(in_registers)
+    assert ways[-1] == "in_registers inlined"
+
+
+def test_parts_of_a_scene_are_features_under_their_names() -> None:
+    assert features_of(frozenset({"friction", "per-constraint", "of-no-formula"})) == {
+        "friction": True, "per_constraint": True,
+    }  # fmt: skip
