@@ -56,7 +56,10 @@ FEATURES = {  # what a variant may have and a formula may ask for
     "bounces": "contacts have restitution",
     "corners": "number of corners of an attachment",
     "damped": "there is a damper",
+    "damping": "velocities are damped",
     "friction": "contacts have friction",
+    "gravity": "there is gravity",
+    "gust": "the wind has gusts",
     "in_place": "friction acts within the iterations",
     "levers": "friction of surfaces acts at the vertex, and turns triangles",
     "linear": "one linearised step of implicit Euler",
@@ -65,6 +68,9 @@ FEATURES = {  # what a variant may have and a formula may ask for
     "per_constraint": "each constraint has its own compliance",
     SINGLE: "float32",
     "soft": "constraints have a compliance",
+    "threads": "number of threads of a block",
+    "timed": "something depends on the number of the step",
+    "wind": "there is wind",
 }
 
 
