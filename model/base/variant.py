@@ -51,6 +51,9 @@ SINGLE = "single"  # the feature of every float32 variant
 FEATURES = {  # what a variant may have and a formula may ask for
     "alone": "a tetrahedron conserves its own volume, not with others of its voxel",
     "anchors": "number of anchors of a long-range attachment",
+    "at_close": "number of the scratch rows of the sums of accelerations",
+    "at_first": "number of the scratch rows of the wind on the lower triangles",
+    "at_second": "number of the scratch rows of the wind on the upper triangles",
     "axes": "2 or 3 dimensions",
     "blocks": "constraints of a tetrahedron are solved together",
     "bounces": "contacts have restitution",
@@ -384,7 +387,11 @@ class _Specialise(ast.NodeTransformer):
         return self.generic_visit(node)
 
     def visit_Subscript(self, node: ast.Subscript) -> ast.AST:
-        node.value = self.visit(node.value)  # the index is an integer and stays as it is
+        node.value = self.visit(node.value)
+        rules = self.has_floats, self.rounded
+        self.has_floats = self.rounded = False  # the index is an integer
+        node.slice = self.visit(node.slice)
+        self.has_floats, self.rounded = rules
         return node
 
     def visit_Constant(self, node: ast.Constant) -> ast.AST:

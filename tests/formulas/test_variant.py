@@ -320,6 +320,16 @@ def test_parts_of_a_scene_are_features_under_their_names() -> None:
     }  # fmt: skip
 
 
+@formula
+def of_the_last_axis(values, k):
+    return 2.0 * values[2 * k + FEATURE.axes - 1]
+
+
+def test_an_index_holds_features_and_integers() -> None:
+    variant = Variant(np.float32, plain, {"axes": 3}, product=lambda a, b: a * b + 100.0)
+    assert variant(of_the_last_axis)(np.arange(9, dtype=np.float32), 3) == 2 * 8 + 100
+
+
 @instruction
 def stored(values, k):
     values[k] = 7.0
