@@ -19,6 +19,8 @@ Line numbers are those of the file, so that tracebacks and debuggers show it. An
 float64 in numba: formulas with one are refused (`2.0 * x`, not `2 * x`), as are `float(x)` and `np.float64(x)`. Integer
 arithmetic is an `integer_formula`, whose products stay as they are.
 
+`for n in unrolled(3)` and `tuple(f(n) for n in unrolled(3))` are written out, so that n may be an index of a tuple.
+
 A kernel, and what it calls that reads or writes arrays, is a `routine`: it stands in its module and is compiled in the
 same variants, with its products as they are. `copied` is the copy of a kernel, which a backend compiles its own way.
 """
@@ -27,6 +29,7 @@ from __future__ import annotations
 
 import ast
 import builtins
+import copy
 import inspect
 import operator
 from collections.abc import Callable, Iterable, Mapping
@@ -101,6 +104,11 @@ class OfPrecision(float):
 def real(number: Any) -> Any:
     """Return a number in the variant's precision; as plain Python, in float64."""
     return np.float64(number)
+
+
+def unrolled(*bounds: int) -> range:
+    """Return range(*bounds), of a loop that copies write out; the bounds are integers, features and constants."""
+    return range(*bounds)
 
 
 def formula(function: F) -> F:
@@ -384,7 +392,35 @@ class _Specialise(ast.NodeTransformer):
     def visit_Call(self, node: ast.Call) -> ast.AST:
         if isinstance(node.func, ast.Name) and node.func.id == "float":
             self._refuse_float64(node)
+        if node.args and isinstance(node.args[0], ast.GeneratorExp) and ast.unparse(node.func) == "tuple":
+            (loop,) = node.args[0].generators
+            numbers = self._numbers(loop.iter)
+            if numbers is not None:
+                items = [self.visit(self._numbered(node.args[0].elt, loop.target, n)) for n in numbers]
+                return ast.copy_location(ast.Tuple(items, ast.Load()), node)
         return self.generic_visit(node)
+
+    def visit_Tuple(self, node: ast.Tuple) -> ast.AST:
+        """A tuple that is written out in a tuple is part of it: numba cannot unpack an empty one."""
+        self.generic_visit(node)
+        items: list[ast.expr] = []
+        for item in node.elts:
+            inner = item.value if isinstance(item, ast.Starred) else None
+            items += inner.elts if isinstance(inner, ast.Tuple) else [item]
+        node.elts = items
+        return node
+
+    def _numbers(self, loop: ast.expr) -> range | None:
+        """Return the numbers of a loop over `unrolled`, or None."""
+        if not (isinstance(loop, ast.Call) and isinstance(loop.func, ast.Name) and loop.func.id == "unrolled"):
+            return None
+        bounds = [ast.unparse(self.visit(bound)) for bound in loop.args]
+        return range(*(eval(bound, {"__builtins__": {}}, self.known) for bound in bounds))
+
+    def _numbered(self, node: Any, target: ast.expr, number: int) -> Any:
+        """Return a copy of what a loop repeats, for one number."""
+        assert isinstance(target, ast.Name)
+        return _Numbered(target.id, number, self.known).visit(copy.deepcopy(node))
 
     def visit_Subscript(self, node: ast.Subscript) -> ast.AST:
         node.value = self.visit(node.value)
@@ -480,7 +516,10 @@ class _Specialise(ast.NodeTransformer):
         node.orelse = self.block(node.orelse) if node.orelse else []
         return node
 
-    def visit_For(self, node: ast.For) -> ast.AST:
+    def visit_For(self, node: ast.For) -> Any:
+        numbers = self._numbers(node.iter)
+        if numbers is not None:
+            return [self.visit(self._numbered(one, node.target, n)) for n in numbers for one in node.body]
         node.target, node.iter, node.body = self.visit(node.target), self.visit(node.iter), self.block(node.body)
         return node
 
@@ -489,4 +528,24 @@ class _Specialise(ast.NodeTransformer):
         if isinstance(test, ast.Constant):
             return self.visit(node.body if test.value else node.orelse)
         node.test, node.body, node.orelse = test, self.visit(node.body), self.visit(node.orelse)
+        return node
+
+
+class _Numbered(ast.NodeTransformer):
+    """Puts a number in the place of a name, and computes what follows from it and from constants: an index of a tuple has
+    to be a literal."""
+
+    def __init__(self, name: str, number: int, known: Mapping[str, Any]):
+        self.name, self.number, self.known = name, number, known
+
+    def visit_Name(self, node: ast.Name) -> ast.AST:
+        return ast.copy_location(ast.Constant(self.number), node) if node.id == self.name else node
+
+    def visit_BinOp(self, node: ast.BinOp) -> ast.AST:
+        self.generic_visit(node)
+        names = [part for part in ast.walk(node) if isinstance(part, ast.Name)]
+        constant = all(name.id.isupper() and type(self.known.get(name.id)) is int for name in names)
+        parts = (ast.BinOp, ast.Constant, ast.Name, ast.operator, ast.expr_context)
+        if constant and all(isinstance(part, parts) for part in ast.walk(node)):
+            return ast.copy_location(ast.Constant(eval(ast.unparse(node), {"__builtins__": {}}, self.known)), node)
         return node

@@ -35,6 +35,7 @@ from softlab.model.base.variant import (
     real,
     routine,
     row_routine,
+    unrolled,
 )
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -346,3 +347,42 @@ def test_the_plain_equivalent_of_an_instruction_is_called_as_it_is() -> None:
     compiled: list[str] = []
     Variant(np.float64, lambda function: compiled.append(function.__name__) or function).copied(stores)(values)
     assert values[1] == 7 and not compiled
+
+
+WIDTH = 2
+
+
+@routine
+def row_by_twos(values, doubled):
+    pairs = tuple((values[WIDTH * m], values[WIDTH * m + 1]) for m in unrolled(FEATURE.anchors // WIDTH))
+    whole = FEATURE.anchors // WIDTH * WIDTH
+    for n in unrolled(FEATURE.anchors):
+        doubled[n] = 2.0 * values[n]
+        doubled[n] += values[0]
+    return whole, (
+        *tuple(pairs[n // WIDTH][n % WIDTH] for n in unrolled(FEATURE.anchors // WIDTH * WIDTH)),
+        *tuple(values[n] for n in unrolled(FEATURE.anchors // WIDTH * WIDTH, FEATURE.anchors)),
+    )
+
+
+@pytest.mark.parametrize("count", (1, 2, 5))
+def test_unrolled_loops_index_tuples(count: int) -> None:
+    values, doubled = np.arange(1.0, count + 1, dtype=np.float32), np.zeros(count, np.float32)
+    whole, row = Variant(np.float32, plain, {"anchors": count})(row_by_twos)(values, doubled)
+    assert whole == count // 2 * 2 and row == tuple(values)
+    assert list(doubled) == [2 * value + 1 for value in values]
+
+
+def test_numba_knows_the_types_of_unrolled_loops() -> None:
+    """In a tuple of tuples an index has to be a literal."""
+    import numba
+
+    compiled = Variant(np.float32, numba.njit, {"anchors": 5})(row_by_twos)
+    compiled.compile((numba.float32[::1], numba.float32[::1]))
+    (overload,) = compiled.overloads.values()
+    assert overload.signature.return_type == numba.types.Tuple([numba.int64, numba.types.UniTuple(numba.float32, 5)])
+
+
+def test_a_copy_has_no_loop_where_it_is_unrolled() -> None:
+    copied = Variant(np.float32, plain, {"anchors": 5}).copied(row_by_twos)
+    assert not {"range", "unrolled", "tuple"} & set(copied.__code__.co_names)
