@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
-from softlab.cpu_backend.core.layout import block_of, block_size
+from softlab.cpu_backend.core.layout import BLOCK, block_of
 from softlab.model.base.types import Real
 from softlab.model.base.variant import routine
 
@@ -55,19 +55,19 @@ def scratch_width(columns: int, real: Real) -> int:
 @routine
 def row_start(triple, axis, width):
     """Return the index of column 0 of a row of a band's flat scratch."""
-    return np.int64((AXES * triple + axis) * width + block_size())
+    return np.int64((AXES * triple + axis) * width + BLOCK)
 
 
 @routine
 def row_edge(triple, axis, width):
     """Return the index of column -SPAN of a row of a band's flat scratch."""
-    return np.int64((AXES * triple + axis) * width + block_size() - SPAN)
+    return np.int64((AXES * triple + axis) * width + BLOCK - SPAN)
 
 
 @routine
 def clear_column(scratch, triple, column, width):
     for axis in range(AXES):
-        scratch[(AXES * triple + axis) * width + block_size() + column] = 0.0
+        scratch[(AXES * triple + axis) * width + BLOCK + column] = 0.0
 
 
 @routine

@@ -15,7 +15,7 @@ import numpy as np
 from numba import prange
 
 from softlab.cpu_backend.core.compile import Compiler
-from softlab.cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, block_size, row_at
+from softlab.cpu_backend.core.layout import BLOCK, L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, row_at
 from softlab.cpu_backend.core.normals import plus
 from softlab.cpu_backend.core.scratch import AXES, SPAN, clear_column, clear_triple, row_edge, row_start
 from softlab.model.base.types import Real
@@ -54,7 +54,7 @@ def cell_row(
     blocks, x, y, z, vx, vy, vz, x_below, y_below, z_below, vx_below, vy_below, vz_below, air, drag, lift, first_x,
     first_y, first_z, second_x, second_y, second_z,
 ):  # fmt: skip
-    for j in range(blocks * block_size()):
+    for j in range(blocks * BLOCK):
         a, va = (x[j], y[j], z[j]), (vx[j], vy[j], vz[j])
         b, vb = (x[j + 1], y[j + 1], z[j + 1]), (vx[j + 1], vy[j + 1], vz[j + 1])
         c, vc = (x_below[j], y_below[j], z_below[j]), (vx_below[j], vy_below[j], vz_below[j])
@@ -96,7 +96,7 @@ def wind_cells(i, blocks, layout, source, parameters, air, scratch, width):
 
 @row_routine
 def add_row(blocks, first, second, first_above, second_above, out):
-    for k in range(SPAN, blocks * block_size() + SPAN):
+    for k in range(SPAN, blocks * BLOCK + SPAN):
         central, beside = first[k] + second[k], second[k - 1] + first_above[k]
         opposite = first_above[k - 1] + second_above[k - 1]
         out[k - SPAN] = out[k - SPAN] + ((central + beside) + opposite)

@@ -17,6 +17,7 @@ import pytest
 from softlab.model.base.variant import (
     FEATURE,
     FEATURES,
+    CountOfPrecision,
     Formulas,
     OfPrecision,
     Open,
@@ -386,3 +387,18 @@ def test_numba_knows_the_types_of_unrolled_loops() -> None:
 def test_a_copy_has_no_loop_where_it_is_unrolled() -> None:
     copied = Variant(np.float32, plain, {"anchors": 5}).copied(row_by_twos)
     assert not {"range", "unrolled", "tuple"} & set(copied.__code__.co_names)
+
+
+BLOCK = CountOfPrecision(lambda real: 64 // np.dtype(real).itemsize)
+
+
+@routine
+def of_blocks(count):
+    return count * BLOCK
+
+
+@pytest.mark.parametrize("precision, block", ((np.float32, 16), (np.float64, 8)))
+def test_an_integer_that_depends_on_the_precision(precision: Any, block: int) -> None:
+    assert Variant(precision)(of_blocks)(3) == 3 * block
+    assert type(Variant(precision)(of_blocks).__globals__["BLOCK"]) is int
+    assert of_blocks(3) == 3 * 8
