@@ -18,31 +18,34 @@ from numba import prange
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.model.base.types import Real
+from softlab.model.base.variant import routine
 
 CHAIN = 16  # multiply-adds between a load and its store
 ROW = 512  # numbers: 4 KiB at most
 REPEATS = 2000  # rows per call: a few 0.1 ms
 
 
+@routine
+def chain(row, factor, summand):
+    for k in range(row.size):
+        value = row[k]
+        for _ in range(CHAIN):
+            value = value * factor + summand
+        row[k] = value
+
+
+@routine
+def chains(rows, repeats, factor, summand):
+    """Update rows of `rows` (threads, ROW) `repeats` times, a thread each."""
+    for thread in prange(rows.shape[0]):
+        for _ in range(repeats):
+            chain(rows[thread], factor, summand)
+
+
 @cache
 def _make_chains(real: Real) -> Callable:
-    """Make chains(rows, repeats, factor, summand): threads update rows of `rows` (threads, ROW) `repeats` times."""
     compiler = Compiler(f"{np.dtype(real).name}", "fast")
-
-    @compiler.compiled
-    def chain(row, factor, summand):
-        for k in range(row.size):
-            value = row[k]
-            for _ in range(CHAIN):
-                value = value * factor + summand
-            row[k] = value
-
-    def chains(rows, repeats, factor, summand):
-        for thread in prange(rows.shape[0]):
-            for _ in range(repeats):
-                chain(rows[thread], factor, summand)
-
-    return compiler.kernel(chains)
+    return compiler.kernel(compiler.variant_of(real).copied(chains))
 
 
 def arithmetic_rate(precision: str, threads: int, budget: float = 0.2) -> float:

@@ -11,70 +11,78 @@ from numba import prange
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.model.base.types import Real
+from softlab.model.base.variant import FEATURE, Open, filled, routine, row_routine
 from softlab.model.core.own_forces import WINDOW, OwnForce, accelerated, force_flags, particle_forces
 from softlab.model.core.plan import Moment, StageRun
 
+particle_force = Open("particle_force(a, k, weight, parameters, integers, step): accelerated(parts)")
+
+
+@row_routine
+def add_2d(count, first, step, parameters, integers, x, y):
+    """Add to a row's sums of accelerations, one array per axis, for `count` particles from number `first` on."""
+    for j in range(count):
+        x[j], y[j] = particle_force((x[j], y[j]), first + j, 1.0, parameters, integers, step)
+
+
+@row_routine
+def add_3d(count, first, step, parameters, integers, x, y, z):
+    """Add as `add_2d` does, along three axes."""
+    for j in range(count):
+        x[j], y[j], z[j] = particle_force((x[j], y[j], z[j]), first + j, 1.0, parameters, integers, step)
+
+
+@routine
+def stage(acceleration, weights, record, integers, step):
+    """Add one force on every mass.
+
+    `acceleration` (axes, rows, columns) [m/s^2]; `weights` (rows, columns): factors by which masses are lighter than
+    the sheet's, if they differ (FEATURE.load).
+    """
+    _, rows, columns = acceleration.shape
+    for i in prange(rows):
+        for j in range(columns):
+            weight = weights[i, j] if FEATURE.load else 1.0
+            z = acceleration[2, i, j] if FEATURE.axes == 3 else 0.0
+            a = acceleration[0, i, j], acceleration[1, i, j]
+            acceleration_now = particle_force(
+                a if FEATURE.axes == 2 else (a[0], a[1], z), i * columns + j, weight, record[0], integers, step
+            )
+            for axis in range(FEATURE.axes):
+                acceleration[axis, i, j] = acceleration_now[axis]
+
+
+@routine
+def gravity(acceleration, record):
+    for i in prange(acceleration.shape[1]):
+        for j in range(acceleration.shape[2]):
+            acceleration[1, i, j] += record[0].gravity
+
 
 def make_particle_force(compiler: Compiler, real: Real, axes: int, parts: frozenset[str]) -> Any:
-    """Make own(a, k, weight, parameters, integers, step) (model/core/own_forces.py)."""
+    """Compile own(a, k, weight, parameters, integers, step) (model/core/own_forces.py)."""
     return compiler.variant_of(real, force_flags(axes, parts))(accelerated(parts))
 
 
 def make_particle_force_row(compiler: Compiler, real: Real, axes: int, parts: frozenset[str]) -> Callable:
-    """Make add(count, first, step, parameters, integers, x, y[, z]).
-
-    It adds to a row's sums of accelerations, one array per axis, for `count` particles from number `first` on.
-    """
-    particle_force, one = make_particle_force(compiler, real, axes, parts), real(1)
-
-    def add_2d(count, first, step, parameters, integers, x, y):
-        for j in range(count):
-            x[j], y[j] = particle_force((x[j], y[j]), first + j, one, parameters, integers, step)
-
-    def add_3d(count, first, step, parameters, integers, x, y, z):
-        for j in range(count):
-            x[j], y[j], z[j] = particle_force((x[j], y[j], z[j]), first + j, one, parameters, integers, step)
-
-    return compiler.row(add_2d if axes == 2 else add_3d)
+    """Compile `add_2d` or `add_3d`."""
+    add_row = filled(add_2d if axes == 2 else add_3d, {"particle_force": accelerated(parts)})
+    return compiler.variant_of(real, force_flags(axes, parts))(add_row)
 
 
 @cache
 def _make_stage(real: Real, math: str, axes: int, force: OwnForce, has_load: bool, window: frozenset[str]) -> Callable:
-    """Compile stage(acceleration, weights, record, integers, step): one force on every mass.
-
-    `acceleration` (axes, rows, columns) [m/s^2]; `weights` (rows, columns): factors by which masses are lighter than
-    the sheet's, if they differ (`has_load`); `window`: {WINDOW} if the sheet is one, else empty.
-    """
+    """Compile `stage` of a force; `window`: {WINDOW} if the sheet is one, else empty."""
     compiler = Compiler(f"{force.part}_{axes}d_{np.dtype(real).name}_{math}", math)
-    particle_force = make_particle_force(
-        compiler, real, axes, window | {force.part} | ({"load"} if has_load else set())
-    )
-    zero, one = real(0), real(1)
-
-    def stage(acceleration, weights, record, integers, step):
-        _, rows, columns = acceleration.shape
-        for i in prange(rows):
-            for j in range(columns):
-                weight = weights[i, j] if has_load else one
-                z = acceleration[2, i, j] if axes == 3 else zero
-                a = acceleration[0, i, j], acceleration[1, i, j]
-                acceleration_now = particle_force(
-                    a if axes == 2 else (a[0], a[1], z), i * columns + j, weight, record[0], integers, step
-                )
-                for axis in range(axes):
-                    acceleration[axis, i, j] = acceleration_now[axis]
-
-    return compiler.kernel(stage)
+    parts = window | {force.part} | ({"load"} if has_load else set())
+    variant = compiler.variant_of(real, force_flags(axes, parts))
+    return compiler.kernel(variant.copied(filled(stage, {"particle_force": accelerated(parts)})))
 
 
 @cache
 def _make_gravity(real: Real, math: str) -> Callable:
-    def gravity(acceleration, record):
-        for i in prange(acceleration.shape[1]):
-            for j in range(acceleration.shape[2]):
-                acceleration[1, i, j] += record[0].gravity
-
-    return Compiler(f"gravity_{np.dtype(real).name}_{math}", math).kernel(gravity)
+    compiler = Compiler(f"gravity_{np.dtype(real).name}_{math}", math)
+    return compiler.kernel(compiler.variant_of(real).copied(gravity))
 
 
 def bind_forces(sim: Any, acceleration: np.ndarray, weights: np.ndarray | None = None) -> dict[str, StageRun]:

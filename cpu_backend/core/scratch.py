@@ -7,8 +7,9 @@ from types import SimpleNamespace
 import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
-from softlab.cpu_backend.core.layout import block_of
+from softlab.cpu_backend.core.layout import BLOCK, block_of
 from softlab.model.base.types import Real
+from softlab.model.base.variant import routine
 
 AXES = 3
 SPAN = 2  # columns that a spring spans at most
@@ -51,30 +52,33 @@ def scratch_width(columns: int, real: Real) -> int:
     return -(-columns // block) * block + 2 * block
 
 
+@routine
+def row_start(triple, axis, width):
+    """Return the index of column 0 of a row of a band's flat scratch."""
+    return np.int64((AXES * triple + axis) * width + BLOCK)
+
+
+@routine
+def row_edge(triple, axis, width):
+    """Return the index of column -SPAN of a row of a band's flat scratch."""
+    return np.int64((AXES * triple + axis) * width + BLOCK - SPAN)
+
+
+@routine
+def clear_column(scratch, triple, column, width):
+    for axis in range(AXES):
+        scratch[(AXES * triple + axis) * width + BLOCK + column] = 0.0
+
+
+@routine
+def clear_triple(scratch, triple, width):
+    for k in range(AXES * triple * width, AXES * (triple + 1) * width):
+        scratch[k] = 0.0
+
+
 def make_scratch(compiler: Compiler, real: Real) -> SimpleNamespace:
-    """Make functions of a band's flat scratch.
-
-    `place(triple, axis, width)`: index of a row's column 0; `edge`: that of its column -REACH. `forget(scratch, triple,
-    column, width)` zeroes a column, `clear(scratch, triple, width)` the whole triple.
-    """
-    block, zero = block_of(real), real(0)
-
-    @compiler.compiled
-    def place(triple, axis, width):
-        return np.int64((AXES * triple + axis) * width + block)
-
-    @compiler.compiled
-    def edge(triple, axis, width):
-        return np.int64((AXES * triple + axis) * width + block - SPAN)
-
-    @compiler.compiled
-    def forget(scratch, triple, column, width):
-        for axis in range(AXES):
-            scratch[(AXES * triple + axis) * width + block + column] = zero
-
-    @compiler.compiled
-    def clear(scratch, triple, width):
-        for k in range(AXES * triple * width, AXES * (triple + 1) * width):
-            scratch[k] = zero
-
-    return SimpleNamespace(place=place, edge=edge, forget=forget, clear=clear)
+    """Compile `row_start`, `row_edge`, `clear_column` and `clear_triple`, as `place`, `edge`, `forget` and `clear`."""
+    variant = compiler.variant_of(real)
+    return SimpleNamespace(
+        place=variant(row_start), edge=variant(row_edge), forget=variant(clear_column), clear=variant(clear_triple)
+    )

@@ -16,6 +16,7 @@ from softlab.cpu_backend.core.layout import Layout
 from softlab.cpu_backend.core.processor import processor_name
 from softlab.cpu_backend.core.threads import thread_count
 from softlab.model.base.types import Real
+from softlab.model.base.variant import FEATURE, routine
 from softlab.model.contact.cloth_parameters import pin_velocity
 from softlab.model.core.options import unknown_kernel
 from softlab.model.core.plan import Executor
@@ -27,50 +28,58 @@ from softlab.model.tetrahedra.targets import Targeted
 WIDTH = 4  # numbers of a particle in space: x, y, z and, for positions, its weight
 
 
+@routine
+def first_diverged(state, bound, centre, bad):
+    """Write, per row, the first bad column, not finite or farther than `bound` from `centre` (axes,) along an axis, or -1.
+
+    `state` (2 axes, rows, columns). No fast math: NaN must be detected.
+    """
+    zero = bound - bound
+    for i in prange(state.shape[1]):
+        bad[i] = -1
+        for j in range(state.shape[2]):
+            good = True
+            for axis in range(FEATURE.axes):
+                inside = abs(state[axis, i, j] - centre[axis]) <= bound  # false for NaN
+                still = state[FEATURE.axes + axis, i, j] - state[FEATURE.axes + axis, i, j] == zero
+                good = good and inside and still
+            if not good:
+                bad[i] = j
+                break
+
+
+@routine
+def first_diverged_particle(position, velocity, slots, stride, bound, centre, bands, bad):
+    """Write, per band, the first bad particle, in the sense of `first_diverged`, or -1.
+
+    Coordinate `axis` of particle k is at slots[k] + axis * stride of both flat arrays.
+    """
+    zero, particles = bound - bound, slots.size
+    for band in prange(bands):
+        bad[band] = -1
+        for k in range(particles * band // bands, particles * (band + 1) // bands):
+            good = True
+            for axis in range(FEATURE.axes):
+                place = slots[k] + axis * stride
+                good = good and abs(position[place] - centre[axis]) <= bound  # false for NaN
+                good = good and velocity[place] - velocity[place] == zero
+            if not good:
+                bad[band] = k
+                break
+
+
 @cache
 def make_first_diverged(real: Real, axes: int) -> Callable:
-    """Compile first_diverged(state, bound, centre, columns_bad): per row the first bad column, not finite or farther
-    than `bound` from `centre` (axes,) along an axis, or -1. No fast math: NaN must be detected."""
+    """Compile `first_diverged`."""
     compiler = Compiler(f"{axes}d_{np.dtype(real).name}", "exact")
-
-    def first_diverged(state, bound, centre, bad):
-        zero = bound - bound
-        for i in prange(state.shape[1]):
-            bad[i] = -1
-            for j in range(state.shape[2]):
-                good = True
-                for axis in range(axes):
-                    inside = abs(state[axis, i, j] - centre[axis]) <= bound  # false for NaN
-                    still = state[axes + axis, i, j] - state[axes + axis, i, j] == zero
-                    good = good and inside and still
-                if not good:
-                    bad[i] = j
-                    break
-
-    return compiler.kernel(first_diverged)
+    return compiler.kernel(compiler.variant_of(real, {"axes": axes}).copied(first_diverged))
 
 
 @cache
 def make_first_diverged_of(real: Real, axes: int) -> Callable:
-    """Compile first_diverged(position, velocity, slots, stride, bound, centre, bands, bad): per band the first bad
-    particle, not finite or farther than `bound` from `centre` (axes,) along an axis, or -1. Coordinate `axis` of
-    particle k is at slots[k] + axis * stride of both flat arrays. No fast math: NaN must be detected."""
-
-    def first_diverged(position, velocity, slots, stride, bound, centre, bands, bad):
-        zero, particles = bound - bound, slots.size
-        for band in prange(bands):
-            bad[band] = -1
-            for k in range(particles * band // bands, particles * (band + 1) // bands):
-                good = True
-                for axis in range(axes):
-                    place = slots[k] + axis * stride
-                    good = good and abs(position[place] - centre[axis]) <= bound  # false for NaN
-                    good = good and velocity[place] - velocity[place] == zero
-                if not good:
-                    bad[band] = k
-                    break
-
-    return Compiler(f"particles_{axes}d_{np.dtype(real).name}", "exact").kernel(first_diverged)
+    """Compile `first_diverged_particle`."""
+    compiler = Compiler(f"particles_{axes}d_{np.dtype(real).name}", "exact")
+    return compiler.kernel(compiler.variant_of(real, {"axes": axes}).copied(first_diverged_particle))
 
 
 def chosen_kernel(wanted: str | None, what: str, known: Sequence[str] = ("fused", "stages")) -> str:

@@ -15,7 +15,9 @@ from numba import cuda
 
 from softlab.gpu_backend.core.compile import Kernel
 from softlab.gpu_backend.core.device import simulated
+from softlab.gpu_backend.core.formulas import device_variant
 from softlab.model.base.types import Real
+from softlab.model.base.variant import real, routine
 
 THREADS = 256  # per block
 BLOCKS_EACH = 16  # per multiprocessor
@@ -24,29 +26,30 @@ UNROLLED = 4  # multiply-adds of a number per iteration of the loop
 ROUNDS = 4096  # of the loop: milliseconds on a large device
 
 
+@routine
+def chains(out, rounds, factor, summand):
+    """Write the sum of a thread's numbers."""
+    k = cuda.grid(1)
+    a = factor * real(k)
+    b, c, d = a + summand, a - summand, a * factor
+    e, f, g, h = b * factor, c * factor, d * factor, b + summand
+    for _ in range(rounds):
+        for _ in range(UNROLLED):
+            a = a * factor + summand
+            b = b * factor + summand
+            c = c * factor + summand
+            d = d * factor + summand
+            e = e * factor + summand
+            f = f * factor + summand
+            g = g * factor + summand
+            h = h * factor + summand
+    out[k] = ((a + b) + (c + d)) + ((e + f) + (g + h))
+
+
 @cache
 def make_chains(real: Real) -> Kernel:
-    """Compile kernel(out, rounds, factor, summand): out (threads,) gets the sum of a thread's numbers."""
-
-    @cuda.jit(fastmath=True)
-    def chains(out, rounds, factor, summand):
-        k = cuda.grid(1)
-        a = factor * real(k)
-        b, c, d = a + summand, a - summand, a * factor
-        e, f, g, h = b * factor, c * factor, d * factor, b + summand
-        for _ in range(rounds):
-            for _ in range(UNROLLED):
-                a = a * factor + summand
-                b = b * factor + summand
-                c = c * factor + summand
-                d = d * factor + summand
-                e = e * factor + summand
-                f = f * factor + summand
-                g = g * factor + summand
-                h = h * factor + summand
-        out[k] = ((a + b) + (c + d)) + ((e + f) + (g + h))
-
-    return chains
+    """Compile `chains`; `out` (threads,)."""
+    return cuda.jit(fastmath=True)(device_variant(real, "fast").copied(chains))
 
 
 def arithmetic_rate(precision: str, budget: float = 0.1) -> float:

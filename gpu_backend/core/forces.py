@@ -6,7 +6,6 @@ over its own, if the scene has a `load`.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
 from typing import Any
@@ -14,11 +13,12 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from softlab.gpu_backend.core.compile import Kernel, inlined, kernel_options, make_kernel, variant_name
+from softlab.gpu_backend.core.compile import Kernel, kernel_options, make_kernel, variant_name
 from softlab.gpu_backend.core.device import DeviceArray
 from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
 from softlab.model.base.types import Real
+from softlab.model.base.variant import FEATURE, Open, features_of, filled, inlined_routine, routine
 from softlab.model.core.own_forces import (
     PARTICLE_FORCES,
     accelerated,
@@ -34,25 +34,49 @@ PARTICLE_FORCE_PARTS = frozenset(
 )  # the parts that these functions depend on
 
 
+particle_force = Open("particle_force(a, k, weight, parameters, integers, step): of make_particle_force")
+
+
+@inlined_routine
+def add_gravity(ax, ay, az, parameters):
+    """Return an acceleration with gravity added, if there is any."""
+    if FEATURE.gravity:
+        ay = ay + parameters.gravity
+    return ax, ay, az
+
+
+@inlined_routine
+def add_particle_force(ax, ay, az, k, weight, parameters, integers, step):
+    """Return an acceleration with all forces on single particles added."""
+    return particle_force((ax, ay, az), k, weight, parameters, integers, step)
+
+
+@routine
+def gravity(position, record, integers, step, a):
+    k = np.int32(cuda.grid(1))
+    if k < a.size // SIZE:
+        b = load_quad(a, k)
+        ax, ay, az = add_gravity(b[0], b[1], b[2], record[0])
+        store_quad(a, k, ax, ay, az, 0.0)
+
+
+@routine
+def force(position, record, integers, step, a):
+    k = np.int32(cuda.grid(1))
+    if k < a.size // SIZE:
+        b, p = load_quad(a, k), load_quad(position, k)
+        ax, ay, az = particle_force((b[0], b[1], b[2]), k, p[3], record[0], integers, step)
+        store_quad(a, k, ax, ay, az, 0.0)
+
+
 @cache
 def make_forces(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """Make device functions: `add(a, weight, f)` adds one force (model/core/own_forces.py); `add_gravity(...,
-    parameters)` adds gravity; `add_particle_force(..., k, weight, parameters, integers, step)` adds all forces on
-    single particles. The last two map the acceleration (ax, ay, az, ...) to (ax, ay, az)."""
-    particle_force, inline, has_gravity = make_particle_force(real, math, 3, parts), inlined(math), "gravity" in parts
-    add_force = device_variant(real, math, force_flags(3, parts), inline=True)(add)
-
-    @inline
-    def add_gravity(ax, ay, az, parameters):
-        if has_gravity:
-            ay = ay + parameters.gravity
-        return ax, ay, az
-
-    @inline
-    def add_particle_force(ax, ay, az, k, weight, parameters, integers, step):
-        return particle_force((ax, ay, az), k, weight, parameters, integers, step)
-
-    return SimpleNamespace(add=add_force, add_gravity=add_gravity, add_particle_force=add_particle_force)
+    """Compile `add` of model/core/own_forces.py, `add_gravity` and `add_particle_force`."""
+    variant, own = device_variant(real, math, features_of(parts)), make_particle_force(real, math, 3, parts)
+    return SimpleNamespace(
+        add=device_variant(real, math, force_flags(3, parts), inline=True)(add), add_gravity=variant(add_gravity),
+        add_particle_force=variant(filled(add_particle_force, {"particle_force": own})),
+    )  # fmt: skip
 
 
 @cache
@@ -65,33 +89,18 @@ def make_particle_force(real: Real, math: str, axes: int, parts: frozenset[str])
 def make_force_stages(real: Real, math: str, parts: frozenset[str]) -> dict[str, Kernel]:
     """Compile the stages of gravity and of own forces, by name: kernels (position, record, integers, step, a), which
     add to the accelerations `a` (quads); the weights are in `position`."""
-    add_gravity, zero = make_forces(real, math, parts).add_gravity, real(0)
-
-    def gravity(position, record, integers, step, a):
-        k = np.int32(cuda.grid(1))
-        if k < a.size // SIZE:
-            b = load_quad(a, k)
-            ax, ay, az = add_gravity(b[0], b[1], b[2], record[0])
-            store_quad(a, k, ax, ay, az, zero)
-
-    def stage_of(particle_force: Callable) -> Callable:
-        def force(position, record, integers, step, a):
-            k = np.int32(cuda.grid(1))
-            if k < a.size // SIZE:
-                b, p = load_quad(a, k), load_quad(position, k)
-                ax, ay, az = particle_force((b[0], b[1], b[2]), k, p[3], record[0], integers, step)
-                store_quad(a, k, ax, ay, az, zero)
-
-        return force
-
-    load = parts & {"load"}
-    stages = {"gravity": gravity}
-    stages |= {
-        force.stage: stage_of(make_particle_force(real, math, 3, load | {force.part}))
-        for force in particle_forces(parts)
+    stages: dict[str, Any] = {"gravity": gravity}
+    for one in particle_forces(parts):
+        own = make_particle_force(real, math, 3, parts & {"load"} | {one.part})
+        stages[one.stage] = filled(force, {"particle_force": own})
+    variant, label = (
+        device_variant(real, math, features_of(parts)),
+        variant_name(real, math, parts & PARTICLE_FORCE_PARTS),
+    )
+    return {
+        name: make_kernel(variant.copied(stage), f"forces_{label}", **kernel_options(math))
+        for name, stage in stages.items()
     }
-    variant = variant_name(real, math, parts & PARTICLE_FORCE_PARTS)
-    return {name: make_kernel(stage, f"forces_{variant}", **kernel_options(math)) for name, stage in stages.items()}
 
 
 def bind_forces(sim: Any, parts: frozenset[str], position: DeviceArray, a: Any) -> dict[str, StageRun]:

@@ -22,65 +22,65 @@ from numba import cuda
 from softlab.gpu_backend.core.compile import inlined
 from softlab.gpu_backend.core.device import simulated
 from softlab.model.base.types import Real
-from softlab.model.base.variant import PRODUCT, Formulas, Variant
+from softlab.model.base.variant import PRODUCT, Formulas, OfPrecision, Variant, routine
+
+if not simulated():
+    from numba.cuda import libdevice
+
+    from softlab.gpu_backend.core.instructions import approximate_root_64
+
+# Instructions of `fast` math: without a branch and, in float64, without a quotient.
+
+# its root is finite, and it is negligible next to a real squared length
+LEAST_SQUARED = OfPrecision(lambda real: 1e-37 if real is np.float32 else 1e-290)
+
+
+@routine
+def squared_length(dx, dy):
+    return dx * dx + (dy * dy + LEAST_SQUARED)
+
+
+@routine
+def inverse_length_64(squared):
+    """Return 1 / sqrt(squared) from an approximate root of 20 bits.
+
+    With e = 1 - s y^2, 1 / sqrt(s) = y (1 - e)^(-1/2) = y (1 + e/2 + 3 e^2/8 + ...), so one step leaves 5 e^3/16 <
+    1e-18.
+    """
+    y = approximate_root_64(squared)
+    e = 1.0 - squared * y * y
+    return y + y * e * (0.5 + 0.375 * e)
+
+
+@routine
+def difference_64(a, b):
+    return libdevice.dadd_rn(a, -b)  # libdevice has no rounded subtraction in double precision
+
+
+@routine
+def quotient(a, b):
+    return a * (1.0 / b)
+
+
+@routine
+def reciprocal(weight, stiffening, compliance):
+    inverse = 1.0 / (stiffening * weight + compliance)
+    return inverse if weight > 0.0 else 0.0
 
 
 def _instructions(real: Real, math: str, options: dict[str, Any]) -> dict[str, Callable]:
     if simulated():
         return {PRODUCT: operator.mul} if math == "exact" else {}
-    from numba.cuda import libdevice
-
     single = real is np.float32
     if math == "exact":
         return {PRODUCT: libdevice.fmul_rn if single else libdevice.dmul_rn}
-    return _fast_instructions(real, options)
-
-
-def _fast_instructions(real: Real, options: dict[str, Any]) -> dict[str, Callable]:
-    """Return the replacements for `fast` math: without a branch and, in float64, without a quotient.
-
-    float64 has an approximate root of 20 bits only; with e = 1 - s y^2, 1 / sqrt(s) = y (1 - e)^(-1/2) = y (1 + e/2 + 3
-    e^2/8 + ...), so one step leaves 5 e^3/16 < 1e-18.
-    """
-    from numba.cuda import libdevice
-
-    from softlab.gpu_backend.core.instructions import approximate_root_64
-
-    device = cuda.jit(device=True, **options)
-    single = real is np.float32
-    root: Any = approximate_root_64
-    least = real(1e-37 if single else 1e-290)  # its root is finite, and it is negligible next to a real squared length
-    half, three_eighths, one, zero = real(0.5), real(0.375), real(1), real(0)
-
-    @device
-    def squared_length(dx, dy):
-        return dx * dx + (dy * dy + least)
-
-    @device
-    def inverse_length_64(squared: Any) -> Any:
-        y = root(squared)
-        e = one - squared * y * y
-        return y + y * e * (half + three_eighths * e)
-
-    @device
-    def difference_64(a, b):
-        return libdevice.dadd_rn(a, -b)  # libdevice has no rounded subtraction in double precision
-
-    @device
-    def quotient(a, b):
-        return a * (one / b)
-
-    @device
-    def reciprocal(weight, stiffening, compliance):
-        inverse = one / (stiffening * weight + compliance)
-        return inverse if weight > zero else zero
-
+    variant = Variant(real, cuda.jit(device=True, **options))
     return {
-        "squared_length": squared_length,
-        "inverse_length": libdevice.rsqrtf if single else inverse_length_64,
-        "reciprocal": reciprocal,
-        "difference": libdevice.fsub_rn if single else difference_64,
-        "quotient": quotient,
+        "squared_length": variant(squared_length),
+        "inverse_length": libdevice.rsqrtf if single else variant(inverse_length_64),
+        "reciprocal": variant(reciprocal),
+        "difference": libdevice.fsub_rn if single else variant(difference_64),
+        "quotient": variant(quotient),
     }
 
 

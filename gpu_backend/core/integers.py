@@ -8,7 +8,8 @@ from functools import cache
 
 import numpy as np
 
-from softlab.gpu_backend.core.compile import inlined
+from softlab.gpu_backend.core.formulas import device_variant
+from softlab.model.base.variant import FEATURE, features_of, inlined_routine
 from softlab.model.core.own_forces import EXTERNAL_SEED, particle_forces_change
 from softlab.model.scene.scene import Scene
 from softlab.model.tables.cloth import COLLIDER_KINDS
@@ -37,19 +38,22 @@ def integers_of(scene: Scene) -> np.ndarray:
     return integers
 
 
+@inlined_routine
+def clock(counter, place, substeps, substep):
+    """Return (the step's number, the substep's), 0 if nothing depends on time; `place`: of the step after the
+    counter."""
+    if FEATURE.timed:
+        step = counter[0] + place
+        return step, step * substeps + substep
+    return np.int64(0), np.int64(0)
+
+
+def time_features(parts: frozenset[str]) -> dict[str, bool]:
+    """Return the features of kernels that call `clock`."""
+    return features_of(parts) | {"timed": knows_time(parts)}
+
+
 @cache
 def make_clock(math: str, parts: frozenset[str]) -> Callable:
-    """Make clock(counter, place, substeps, substep) -> (the step's number, the substep's).
-
-    `place`: number of the step after the counter. 0 if nothing depends on time.
-    """
-    has_time, no_step = knows_time(parts), np.int64(0)
-
-    @inlined(math)
-    def clock(counter, place, substeps, substep):
-        if has_time:
-            step = counter[0] + place
-            return step, step * substeps + substep
-        return no_step, no_step
-
-    return clock
+    """Compile `clock`."""
+    return device_variant(np.float32, math, {"timed": knows_time(parts)})(clock)

@@ -21,7 +21,9 @@ import numpy as np
 
 from softlab.gpu_backend.core.compile import inlined
 from softlab.gpu_backend.core.device import simulated
+from softlab.gpu_backend.core.formulas import device_variant
 from softlab.model.base.types import Real
+from softlab.model.base.variant import FEATURE, inlined_routine, instruction
 
 
 def message_size(real: Real) -> int:
@@ -38,26 +40,37 @@ if simulated():
     def _no_turns() -> None:
         time.sleep(0)
 
-    @cache
-    def make_messages(real: Real) -> SimpleNamespace:
-        """Make `send(array, index, x, y, z, tag)` and `receive(array, index, tag)` -> (x, y, z, true if it has
-        arrived)."""
-        size = message_size(real)
+    @instruction
+    def _send_32(array: Any, index: Any, x: Any, y: Any, z: Any, tag: Any) -> None:
+        k = 4 * int(index)
+        array[k], array[k + 1], array[k + 2] = x, y, z
+        array[k + 3] = tag
 
-        def send(array: Any, index: Any, x: Any, y: Any, z: Any, tag: Any) -> None:
-            k = size * int(index)
-            array[k], array[k + 1], array[k + 2] = x, y, z
-            array[k + 3] = tag
+    @instruction
+    def _receive_32(array: Any, index: Any) -> tuple[Any, Any, Any, Any]:
+        k = 4 * int(index)
+        tag = array[k + 3]
+        return array[k], array[k + 1], array[k + 2], tag
 
-        def receive(array: Any, index: Any, tag: Any) -> tuple[Any, Any, Any, bool]:
-            k = size * int(index)
-            here = bool(array[k + 3] == tag)
-            if not here:
-                let_others_run()
-            return array[k], array[k + 1], array[k + 2], here
+    @instruction
+    def _send_64(array: Any, index: Any, x: Any, tag: Any) -> None:
+        k = 2 * int(index)
+        array[k] = x
+        array[k + 1] = tag
 
-        return SimpleNamespace(send=send, receive=receive)
+    @instruction
+    def _receive_64(array: Any, index: Any) -> tuple[Any, Any]:
+        k = 2 * int(index)
+        tag = array[k + 1]
+        return array[k], tag
 
+    @instruction
+    def _checked(arrived: bool) -> bool:
+        if not arrived:
+            let_others_run()
+        return arrived
+
+    @instruction
     def pause(cycles: Any) -> None:
         """Wait for that many cycles of the multiprocessor."""
 
@@ -96,6 +109,10 @@ else:
             return _assembly(builder, WORD, [], "mov.u32 $0, %clock;", "=r")
 
         return types.int32(), generate
+
+    @inlined("exact")
+    def _checked(arrived):
+        return arrived
 
     @inlined("exact")
     def pause(cycles):
@@ -152,39 +169,34 @@ else:
     def _typed(signature: Any, arguments: Any) -> tuple[Any, Any, Any, Any]:
         return signature.args[0], arguments[0], signature.args[1], arguments[1]
 
-    @cache
-    def make_messages(real: Real) -> SimpleNamespace:
-        """Make `send(array, index, x, y, z, tag)` and `receive(array, index, tag)` -> (x, y, z, true if it has
-        arrived)."""
-        inline = inlined("exact")
-        one, two, three = np.int32(1), np.int32(2), np.int32(3)
 
-        if real is np.float32:
+@inlined_routine
+def send(array, index, x, y, z, tag):
+    """Send a vector in message `index` of an array."""
+    if FEATURE.single:
+        _send_32(array, index, x, y, z, tag)
+    else:
+        first = np.int32(np.int32(3) * index)
+        _send_64(array, first, x, tag)
+        _send_64(array, first + np.int32(1), y, tag)
+        _send_64(array, first + np.int32(2), z, tag)
 
-            @inline
-            def send(array, index, x, y, z, tag):
-                _send_32(array, index, x, y, z, tag)
 
-            @inline
-            def receive(array, index, tag):
-                x, y, z, received = _receive_32(array, index)
-                return x, y, z, received == tag
+@inlined_routine
+def receive(array, index, tag):
+    """Return (x, y, z, true if the message with this tag has arrived)."""
+    if FEATURE.single:
+        x, y, z, received = _receive_32(array, index)
+        return x, y, z, _checked(received == tag)
+    first = np.int32(np.int32(3) * index)
+    x, of_x = _receive_64(array, first)
+    y, of_y = _receive_64(array, first + np.int32(1))
+    z, of_z = _receive_64(array, first + np.int32(2))
+    return x, y, z, _checked(of_x == tag and of_y == tag and of_z == tag)
 
-        else:
 
-            @inline
-            def send(array, index, x, y, z, tag):
-                first = np.int32(three * index)
-                _send_64(array, first, x, tag)
-                _send_64(array, first + one, y, tag)
-                _send_64(array, first + two, z, tag)
-
-            @inline
-            def receive(array, index, tag):
-                first = np.int32(three * index)
-                x, of_x = _receive_64(array, first)
-                y, of_y = _receive_64(array, first + one)
-                z, of_z = _receive_64(array, first + two)
-                return x, y, z, of_x == tag and of_y == tag and of_z == tag
-
-        return SimpleNamespace(send=send, receive=receive)
+@cache
+def make_messages(real: Real) -> SimpleNamespace:
+    """Compile `send` and `receive`."""
+    variant = device_variant(real, "exact")
+    return SimpleNamespace(send=variant(send), receive=variant(receive))

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from softlab.gpu_backend.core.device import simulated
-from softlab.model.base.tuples import tuple_of
+from softlab.model.base.variant import FEATURE, Variant, instruction, routine, unrolled
 
 AXES = 3
 ROWS = 3  # quads of a frame
@@ -25,11 +25,13 @@ SIZE = 4  # scalars
 
 if simulated():
 
+    @instruction
     def load_quad(array: Any, index: Any) -> Any:
         """Return (x, y, z, spare) of mass `index` in a flat array of scalars."""
         k = SIZE * int(index)
         return array[k], array[k + 1], array[k + 2], array[k + 3]
 
+    @instruction
     def store_quad(array: Any, index: Any, x: Any, y: Any, z: Any, spare: Any) -> None:
         """Set mass `index` = (x, y, z, spare)."""
         k = SIZE * int(index)
@@ -98,21 +100,19 @@ def pack(rows: np.ndarray) -> np.ndarray:
     return np.concatenate([quads.ravel(), rows[:, whole:].T.ravel()])
 
 
+@routine
+def row_of(packed, count, k):
+    """Return the FEATURE.numbers numbers of row k of `count`."""
+    quads = tuple(load_quad(packed, np.int32(m * count + k)) for m in unrolled(FEATURE.numbers // SIZE))
+    return (
+        *tuple(quads[n // SIZE][n % SIZE] for n in unrolled(FEATURE.numbers // SIZE * SIZE)),
+        *tuple(
+            packed[np.uint32(np.int32(n * count) + k)]
+            for n in unrolled(FEATURE.numbers // SIZE * SIZE, FEATURE.numbers)
+        ),
+    )
+
+
 def make_row(n: int, inline: Any) -> Callable:
-    """Make row_of(packed, count, k): the n numbers of row k of `count`."""
-    quads = n // SIZE
-
-    def quad_at(m: int) -> Callable:
-        return inline(lambda packed, count, unused, k: load_quad(packed, np.int32(m * count + k)))
-
-    def number_at(m: int) -> Callable:
-        quad, place = divmod(m, SIZE)
-        if quad < quads:
-            return inline(lambda quads, packed, count, k: quads[quad][place])
-        return inline(lambda quads, packed, count, k: packed[np.uint32(np.int32(m * count) + k)])
-
-    numbers = tuple_of(n, number_at, inline)
-    if not quads:
-        return inline(lambda packed, count, k: numbers(k, packed, count, k))
-    all_quads = tuple_of(quads, quad_at, inline)
-    return inline(lambda packed, count, k: numbers(all_quads(packed, count, count, k), packed, count, k))
+    """Compile `row_of` for rows of n numbers."""
+    return Variant(np.float32, inline, {"numbers": n})(row_of)

@@ -14,94 +14,104 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from softlab.gpu_backend.core.compile import make_kernels
+from softlab.gpu_backend.core.compile import kernels_of
 from softlab.gpu_backend.core.device import Stream, simulated
+from softlab.gpu_backend.core.formulas import device_variant
+from softlab.model.base.variant import FEATURE, Variant, routine
 
 CHUNK = 32 if simulated() else 512  # numbers per block; the simulator runs each thread as a Python thread
 
 
+@routine
+def before(value):
+    """Return the sum over the block's threads before this one.
+
+    Every thread of a block of FEATURE.threads, a power of two, must call it.
+    """
+    memory = cuda.shared.array(2 * FEATURE.threads, np.int32)
+    t = np.int32(cuda.threadIdx.x)
+    memory[t] = value
+    cuda.syncthreads()
+    offset, side = np.int32(1), np.int32(0)
+    while offset < np.int32(FEATURE.threads):
+        total = memory[side + t]
+        if t >= offset:
+            total += memory[side + t - offset]
+        side = np.int32(np.int32(FEATURE.threads) - side)
+        memory[side + t] = total
+        cuda.syncthreads()
+        offset = np.int32(2 * offset)
+    return np.int32(memory[side + t] - value)
+
+
+@routine
+def strips(sums, size):
+    """Replace each of the first `size` numbers by the sum of those before it, one strip per thread, by all threads of a
+    block of FEATURE.threads.
+
+    It returns the sum before the thread's next strip, for the last thread the total.
+    """
+    strip = np.int32((size + FEATURE.threads - 1) // FEATURE.threads)
+    first = np.int32(strip * cuda.threadIdx.x)
+    last, total = min(np.int32(first + strip), size), np.int32(0)
+    for k in range(first, last):
+        total = np.int32(total + sums[k])
+    start = before(total)
+    for k in range(first, last):
+        number = sums[k]
+        sums[k] = start
+        start = np.int32(start + number)
+    return start
+
+
+@routine
+def chunks(counts, starts, totals):
+    """Write starts[k], the sum of the chunk's counts before k, and totals[b], that of a chunk. One block per chunk."""
+    k = np.int32(cuda.grid(1))
+    value = counts[k] if k < counts.size else np.int32(0)
+    start = before(value)
+    if k < counts.size:
+        starts[k] = start
+    if cuda.threadIdx.x == CHUNK - 1:
+        totals[cuda.blockIdx.x] = start + value
+
+
+@routine
+def totals(sums):
+    """Replace the total of each chunk by the sum of those before it: one block."""
+    strips(sums, np.int32(sums.size))
+
+
+@routine
+def add(starts, sums, cursors):
+    """Add the chunks' sums, and write a copy for a counting sort to increment."""
+    k = np.int32(cuda.grid(1))
+    if k < cursors.size:
+        starts[k] += sums[k // CHUNK]
+        cursors[k] = starts[k]
+
+
+def of_integers(threads: int) -> Variant:
+    """Return the variant of these functions for blocks of `threads`."""
+    return device_variant(np.float32, "exact", {"threads": int(threads)})
+
+
 @cache
 def make_before(threads: int | np.int32) -> Callable:
-    """Make before(value): the sum over the block's threads before this one.
-
-    Every thread of a block of `threads`, a power of two, must call it.
-    """
-    two_copies, threads, zero = 2 * threads, np.int32(threads), np.int32(0)
-
-    @cuda.jit(device=True)
-    def before(value):
-        memory = cuda.shared.array(two_copies, np.int32)
-        t = np.int32(cuda.threadIdx.x)
-        memory[t] = value
-        cuda.syncthreads()
-        offset, side = np.int32(1), zero
-        while offset < threads:
-            total = memory[side + t]
-            if t >= offset:
-                total += memory[side + t - offset]
-            side = np.int32(threads - side)
-            memory[side + t] = total
-            cuda.syncthreads()
-            offset = np.int32(2 * offset)
-        return np.int32(memory[side + t] - value)
-
-    return before
+    """Compile `before`."""
+    return of_integers(threads)(before)
 
 
 @cache
 def make_strips(threads: int) -> Callable:
-    """Make strips(sums, size): each of the first `size` numbers is replaced by the sum of those before it, one strip
-    per thread, by all threads of a block of `threads`.
-
-    It returns the sum before the thread's next strip, for the last thread the total.
-    """
-    before, zero = make_before(threads), np.int32(0)
-
-    @cuda.jit(device=True)
-    def strips(sums, size):
-        strip = np.int32((size + threads - 1) // threads)
-        first = np.int32(strip * cuda.threadIdx.x)
-        last, total = min(np.int32(first + strip), size), zero
-        for k in range(first, last):
-            total = np.int32(total + sums[k])
-        start = before(total)
-        for k in range(first, last):
-            number = sums[k]
-            sums[k] = start
-            start = np.int32(start + number)
-        return start
-
-    return strips
+    """Compile `strips`."""
+    return of_integers(threads)(strips)
 
 
 @cache
 def make_scan() -> SimpleNamespace:
     """Compile the kernels `chunks`, `totals` and `add`."""
-    zero, before, strips = np.int32(0), make_before(CHUNK), make_strips(CHUNK)
-
-    def chunks(counts, starts, totals):
-        """Write starts[k], the sum of the chunk's counts before k, and totals[b], that of a chunk. One block per
-        chunk."""
-        k = np.int32(cuda.grid(1))
-        value = counts[k] if k < counts.size else zero
-        start = before(value)
-        if k < counts.size:
-            starts[k] = start
-        if cuda.threadIdx.x == CHUNK - 1:
-            totals[cuda.blockIdx.x] = start + value
-
-    def totals(sums):
-        """Replace the total of each chunk by the sum of those before it: one block."""
-        strips(sums, np.int32(sums.size))
-
-    def add(starts, sums, cursors):
-        """Add the chunks' sums, and write a copy for a counting sort to increment."""
-        k = np.int32(cuda.grid(1))
-        if k < cursors.size:
-            starts[k] += sums[k // CHUNK]
-            cursors[k] = starts[k]
-
-    return make_kernels((chunks, totals, add), "scan")
+    return kernels_of(of_integers(CHUNK), "exact", (chunks, totals, add), "scan")
 
 
 class Scan:

@@ -19,6 +19,8 @@ Line numbers are those of the file, so that tracebacks and debuggers show it. An
 float64 in numba: formulas with one are refused (`2.0 * x`, not `2 * x`), as are `float(x)` and `np.float64(x)`. Integer
 arithmetic is an `integer_formula`, whose products stay as they are.
 
+`for n in unrolled(3)` and `tuple(f(n) for n in unrolled(3))` are written out, so that n may be an index of a tuple.
+
 A kernel, and what it calls that reads or writes arrays, is a `routine`: it stands in its module and is compiled in the
 same variants, with its products as they are. `copied` is the copy of a kernel, which a backend compiles its own way.
 """
@@ -27,6 +29,7 @@ from __future__ import annotations
 
 import ast
 import builtins
+import copy
 import inspect
 import operator
 from collections.abc import Callable, Iterable, Mapping
@@ -51,20 +54,41 @@ SINGLE = "single"  # the feature of every float32 variant
 FEATURES = {  # what a variant may have and a formula may ask for
     "alone": "a tetrahedron conserves its own volume, not with others of its voxel",
     "anchors": "number of anchors of a long-range attachment",
+    "around": "the constraints of a run share corners with its last one",
+    "at_close": "number of the scratch rows of the sums of accelerations",
+    "at_first": "number of the scratch rows of the wind on the lower triangles",
+    "at_second": "number of the scratch rows of the wind on the upper triangles",
     "axes": "2 or 3 dimensions",
     "blocks": "constraints of a tetrahedron are solved together",
     "bounces": "contacts have restitution",
-    "corners": "number of corners of an attachment",
+    "corners": "number of corners of a constraint",
     "damped": "there is a damper",
+    "damping": "velocities are damped",
+    "followed": "more constraint sets follow",
     "friction": "contacts have friction",
+    "gravity": "there is gravity",
+    "gust": "the wind has gusts",
     "in_place": "friction acts within the iterations",
     "levers": "friction of surfaces acts at the vertex, and turns triangles",
     "linear": "one linearised step of implicit Euler",
     "load": "masses differ",
     "material": "number of the elastic energy",
+    "moved": "how many corners a constraint moves",
+    "multipliers": "how many multipliers a constraint has",
+    "name_of_compliance": "the constraints' compliance in the record of constants",
+    "name_of_damping": "the constraints' damping in the record of constants",
+    "name_of_stiffening": "the constraints' stiffening in the record of constants",
+    "number": "number of the constraint set in its tuple",
+    "numbers": "how many numbers a row has",
     "per_constraint": "each constraint has its own compliance",
+    "planes": "particles are stored in planes, not in rows",
+    "run": "how many constraints a thread projects one after the other",
     SINGLE: "float32",
     "soft": "constraints have a compliance",
+    "threads": "number of threads of a block",
+    "timed": "something depends on the number of the step",
+    "values": "how many numbers a constraint has",
+    "wind": "there is wind",
 }
 
 
@@ -89,9 +113,25 @@ class OfPrecision(float):
         return constant
 
 
+class CountOfPrecision(int):
+    """The same of an integer: a literal where it is used, which the result of a function is not."""
+
+    make: Callable[[Any], int]
+
+    def __new__(cls, make: Callable[[Any], int]) -> CountOfPrecision:
+        count = super().__new__(cls, make(np.float64))
+        count.make = make
+        return count
+
+
 def real(number: Any) -> Any:
     """Return a number in the variant's precision; as plain Python, in float64."""
     return np.float64(number)
+
+
+def unrolled(*bounds: int) -> range:
+    """Return range(*bounds), of a loop that copies write out; the bounds are integers, features and constants."""
+    return range(*bounds)
 
 
 def formula(function: F) -> F:
@@ -120,6 +160,12 @@ def row_routine(function: F) -> F:
 def inlined_routine(function: F) -> F:
     """Mark a routine as one whose arguments cost more to pass than its body, or lie in registers."""
     return _marked(function, rounds_products=False, how="inlined")
+
+
+def instruction(function: F) -> F:
+    """Mark the plain equivalent of an instruction, for where nothing is compiled: routines call it as it is."""
+    function.is_instruction = True  # type: ignore[attr-defined]
+    return function
 
 
 def _marked(function: F, rounds_products: bool, how: str = "") -> F:
@@ -229,9 +275,11 @@ class Variant:
             return self.real
         if isinstance(value, float):
             return self.real(value.make(self.real) if isinstance(value, OfPrecision) else value)
+        if isinstance(value, CountOfPrecision):
+            return value.make(self.real)
         if isinstance(value, Open):
             raise TypeError(f"{place(caller)}: compile filled({caller.__name__}, ...): {value.signature} is open")
-        if type(value) is FunctionType:
+        if type(value) is FunctionType and not hasattr(value, "is_instruction"):
             raise TypeError(
                 f"{place(caller)}: the formula {caller.__name__} calls {value.__name__}, which is no formula: write "
                 f"@formula, or @integer_formula, above it ({place(value)})"
@@ -369,10 +417,42 @@ class _Specialise(ast.NodeTransformer):
     def visit_Call(self, node: ast.Call) -> ast.AST:
         if isinstance(node.func, ast.Name) and node.func.id == "float":
             self._refuse_float64(node)
+        if node.args and isinstance(node.args[0], ast.GeneratorExp) and ast.unparse(node.func) == "tuple":
+            (loop,) = node.args[0].generators
+            numbers = self._numbers(loop.iter)
+            if numbers is not None:
+                items = [self.visit(self._numbered(node.args[0].elt, loop.target, n)) for n in numbers]
+                return ast.copy_location(ast.Tuple(items, ast.Load()), node)
         return self.generic_visit(node)
 
+    def visit_Tuple(self, node: ast.Tuple) -> ast.AST:
+        """A tuple that is written out in a tuple is part of it: numba cannot unpack an empty one."""
+        self.generic_visit(node)
+        items: list[ast.expr] = []
+        for item in node.elts:
+            inner = item.value if isinstance(item, ast.Starred) else None
+            items += inner.elts if isinstance(inner, ast.Tuple) else [item]
+        node.elts = items
+        return node
+
+    def _numbers(self, loop: ast.expr) -> range | None:
+        """Return the numbers of a loop over `unrolled`, or None."""
+        if not (isinstance(loop, ast.Call) and isinstance(loop.func, ast.Name) and loop.func.id == "unrolled"):
+            return None
+        bounds = [ast.unparse(self.visit(bound)) for bound in loop.args]
+        return range(*(eval(bound, {"__builtins__": {}}, self.known) for bound in bounds))
+
+    def _numbered(self, node: Any, target: ast.expr, number: int) -> Any:
+        """Return a copy of what a loop repeats, for one number."""
+        assert isinstance(target, ast.Name)
+        return _Numbered(target.id, number, self.known).visit(copy.deepcopy(node))
+
     def visit_Subscript(self, node: ast.Subscript) -> ast.AST:
-        node.value = self.visit(node.value)  # the index is an integer and stays as it is
+        node.value = self.visit(node.value)
+        rules = self.has_floats, self.rounded
+        self.has_floats = self.rounded = False  # the index is an integer
+        node.slice = self.visit(node.slice)
+        self.has_floats, self.rounded = rules
         return node
 
     def visit_Constant(self, node: ast.Constant) -> ast.AST:
@@ -428,7 +508,7 @@ class _Specialise(ast.NodeTransformer):
         if of_feature and isinstance(node.left, ast.Constant) and type(node.ops[0]) in COMPARED:
             right = node.comparators[0]
             value = self.known.get(right.id) if isinstance(right, ast.Name) else getattr(right, "value", None)
-            if isinstance(value, (int, str)) and len(node.ops) == 1:
+            if isinstance(value, (int, str)) and not isinstance(value, CountOfPrecision) and len(node.ops) == 1:
                 return ast.copy_location(ast.Constant(COMPARED[type(node.ops[0])](node.left.value, value)), node)
         return node
 
@@ -461,7 +541,10 @@ class _Specialise(ast.NodeTransformer):
         node.orelse = self.block(node.orelse) if node.orelse else []
         return node
 
-    def visit_For(self, node: ast.For) -> ast.AST:
+    def visit_For(self, node: ast.For) -> Any:
+        numbers = self._numbers(node.iter)
+        if numbers is not None:
+            return [self.visit(self._numbered(one, node.target, n)) for n in numbers for one in node.body]
         node.target, node.iter, node.body = self.visit(node.target), self.visit(node.iter), self.block(node.body)
         return node
 
@@ -470,4 +553,24 @@ class _Specialise(ast.NodeTransformer):
         if isinstance(test, ast.Constant):
             return self.visit(node.body if test.value else node.orelse)
         node.test, node.body, node.orelse = test, self.visit(node.body), self.visit(node.orelse)
+        return node
+
+
+class _Numbered(ast.NodeTransformer):
+    """Puts a number in the place of a name, and computes what follows from it and from constants: an index of a tuple has
+    to be a literal."""
+
+    def __init__(self, name: str, number: int, known: Mapping[str, Any]):
+        self.name, self.number, self.known = name, number, known
+
+    def visit_Name(self, node: ast.Name) -> ast.AST:
+        return ast.copy_location(ast.Constant(self.number), node) if node.id == self.name else node
+
+    def visit_BinOp(self, node: ast.BinOp) -> ast.AST:
+        self.generic_visit(node)
+        names = [part for part in ast.walk(node) if isinstance(part, ast.Name)]
+        constant = all(name.id.isupper() and type(self.known.get(name.id)) is int for name in names)
+        parts = (ast.BinOp, ast.Constant, ast.Name, ast.operator, ast.expr_context)
+        if constant and all(isinstance(part, parts) for part in ast.walk(node)):
+            return ast.copy_location(ast.Constant(eval(ast.unparse(node), {"__builtins__": {}}, self.known)), node)
         return node

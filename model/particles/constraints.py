@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 
@@ -52,6 +53,15 @@ class Projection:
     def moved(self) -> int:
         """Number of corners that it moves."""
         return self.corners if self.moves is None else self.moves
+
+    @property
+    def features(self) -> dict[str, Any]:
+        """Features of the executor's variant (model/base/variant.py)."""
+        names = zip(("name_of_compliance", "name_of_damping", "name_of_stiffening"), self.constants or (), strict=False)
+        return dict(names) | {
+            "corners": self.corners, "values": self.values, "multipliers": self.multipliers, "moved": self.moved,
+            "soft": self.soft, "damped": self.damped, "run": self.run, "around": self.around,
+        }  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)

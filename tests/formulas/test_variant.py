@@ -17,6 +17,7 @@ import pytest
 from softlab.model.base.variant import (
     FEATURE,
     FEATURES,
+    CountOfPrecision,
     Formulas,
     OfPrecision,
     Open,
@@ -26,6 +27,7 @@ from softlab.model.base.variant import (
     filled,
     formula,
     inlined_routine,
+    instruction,
     integer_formula,
     is_formula,
     parsed,
@@ -34,6 +36,7 @@ from softlab.model.base.variant import (
     real,
     routine,
     row_routine,
+    unrolled,
 )
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -317,3 +320,85 @@ def test_parts_of_a_scene_are_features_under_their_names() -> None:
     assert features_of(frozenset({"friction", "per-constraint", "of-no-formula"})) == {
         "friction": True, "per_constraint": True,
     }  # fmt: skip
+
+
+@formula
+def of_the_last_axis(values, k):
+    return 2.0 * values[2 * k + FEATURE.axes - 1]
+
+
+def test_an_index_holds_features_and_integers() -> None:
+    variant = Variant(np.float32, plain, {"axes": 3}, product=lambda a, b: a * b + 100.0)
+    assert variant(of_the_last_axis)(np.arange(9, dtype=np.float32), 3) == 2 * 8 + 100
+
+
+@instruction
+def stored(values, k):
+    values[k] = 7.0
+
+
+@routine
+def stores(values):
+    stored(values, 1)
+
+
+def test_the_plain_equivalent_of_an_instruction_is_called_as_it_is() -> None:
+    """Under CUDA's simulator routines call what has no machine code there."""
+    values = np.zeros(2)
+    compiled: list[str] = []
+    Variant(np.float64, lambda function: compiled.append(function.__name__) or function).copied(stores)(values)
+    assert values[1] == 7 and not compiled
+
+
+WIDTH = 2
+
+
+@routine
+def row_by_twos(values, doubled):
+    pairs = tuple((values[WIDTH * m], values[WIDTH * m + 1]) for m in unrolled(FEATURE.anchors // WIDTH))
+    whole = FEATURE.anchors // WIDTH * WIDTH
+    for n in unrolled(FEATURE.anchors):
+        doubled[n] = 2.0 * values[n]
+        doubled[n] += values[0]
+    return whole, (
+        *tuple(pairs[n // WIDTH][n % WIDTH] for n in unrolled(FEATURE.anchors // WIDTH * WIDTH)),
+        *tuple(values[n] for n in unrolled(FEATURE.anchors // WIDTH * WIDTH, FEATURE.anchors)),
+    )
+
+
+@pytest.mark.parametrize("count", (1, 2, 5))
+def test_unrolled_loops_index_tuples(count: int) -> None:
+    values, doubled = np.arange(1.0, count + 1, dtype=np.float32), np.zeros(count, np.float32)
+    whole, row = Variant(np.float32, plain, {"anchors": count})(row_by_twos)(values, doubled)
+    assert whole == count // 2 * 2 and row == tuple(values)
+    assert list(doubled) == [2 * value + 1 for value in values]
+
+
+def test_numba_knows_the_types_of_unrolled_loops() -> None:
+    """In a tuple of tuples an index has to be a literal."""
+    import numba
+
+    compiled = Variant(np.float32, numba.njit, {"anchors": 5})(row_by_twos)
+    compiled.compile((numba.float32[::1], numba.float32[::1]))
+    (overload,) = compiled.overloads.values()
+    assert overload.signature.return_type == numba.types.Tuple([numba.int64, numba.types.UniTuple(numba.float32, 5)])
+
+
+def test_a_copy_has_no_loop_where_it_is_unrolled() -> None:
+    copied = Variant(np.float32, plain, {"anchors": 5}).copied(row_by_twos)
+    assert not {"range", "unrolled", "tuple"} & set(copied.__code__.co_names)
+
+
+BLOCK = CountOfPrecision(lambda real: 64 // np.dtype(real).itemsize)
+
+
+@routine
+def of_blocks(count):
+    return count * BLOCK
+
+
+@pytest.mark.parametrize("precision, block", ((np.float32, 16), (np.float64, 8)))
+def test_an_integer_that_depends_on_the_precision(precision: Any, block: int) -> None:
+    assert Variant(precision)(of_blocks)(3) == 3 * block
+    assert type(Variant(precision)(of_blocks).__globals__["BLOCK"]) is int
+    assert of_blocks(3) == 3 * 8

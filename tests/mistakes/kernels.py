@@ -150,7 +150,7 @@ CPU: tuple[Mistake, ...] = (
     *in_file(
         "cpu_backend/core/point_stages.py",
         "test_xpbd_cpu_reference.py::test_stages_follow_the_reference",
-        {"a substep's velocity counts from the prediction (cpu)": ("position[axis, i, j] = predicted(p, record[0].dt, v) if w > zero else p", "position[axis, i, j] = predicted(p, record[0].dt, velocity[axis, i, j]) if w > zero else p")},
+        {"a substep's velocity counts from the prediction (cpu)": ("position[axis, i, j] = predicted(p, record[0].dt, v) if w > 0.0 else p", "position[axis, i, j] = predicted(p, record[0].dt, velocity[axis, i, j]) if w > 0.0 else p")},
     ),
 )  # fmt: skip
 
@@ -207,7 +207,7 @@ GPU: tuple[Mistake, ...] = (
         "gpu_backend/core/sheet.py",
         SIMULATED_XPBD,
         {
-            "a launch's threads are turned by a quarter (gpu)": ("np.int32(cuda.blockIdx.y * cuda.blockDim.y + cuda.threadIdx.y),\n            np.int32(cuda.blockIdx.x * cuda.blockDim.x + cuda.threadIdx.x),", "np.int32(cuda.blockIdx.x * cuda.blockDim.x + cuda.threadIdx.x),\n            np.int32(cuda.blockIdx.y * cuda.blockDim.y + cuda.threadIdx.y),"),
+            "a launch's threads are turned by a quarter (gpu)": ("np.int32(cuda.blockIdx.y * cuda.blockDim.y + cuda.threadIdx.y),\n        np.int32(cuda.blockIdx.x * cuda.blockDim.x + cuda.threadIdx.x),", "np.int32(cuda.blockIdx.x * cuda.blockDim.x + cuda.threadIdx.x),\n        np.int32(cuda.blockIdx.y * cuda.blockDim.y + cuda.threadIdx.y),"),
         },
     ),
     *in_file(

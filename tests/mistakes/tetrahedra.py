@@ -39,7 +39,7 @@ XPBD: tuple[Mistake, ...] = (
     *in_file(
         "gpu_backend/core/constraints.py",
         "simulator/test_simulated_bits.py::test_kernels_have_the_bits_of_the_cpu[xpbd-voxels-float32]",
-        {"a run's corners are read at the place of its first constraint (gpu)": ("np.int32(start // run + thread), place, count)", "np.int32(start + thread), place, count)")},
+        {"a run's corners are read at the place of its first constraint (gpu)": ("np.int32(start // np.int32(FEATURE.run) + thread), place, count)", "np.int32(start + thread), place, count)")},
     ),
     *in_file(
         "gpu_backend/tetrahedra/resident.py",
