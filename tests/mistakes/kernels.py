@@ -230,7 +230,7 @@ GPU: tuple[Mistake, ...] = (
     *in_file(
         "cpu_backend/contact/surfaces_find.py",
         "test_cloth_beside.py::test_states_are_the_references",
-        {"a cloth has an inside": ("if inside and (owned[triangle] >> sheet) & 1 != 0:", "if inside and triangle < 0:")},
+        {"a cloth has an inside": ("if inside and (owned[triangle] >> SHEET) & 1 != 0:", "if inside and triangle < 0:")},
     ),
     *in_file(
         "gpu_backend/contact/surfaces_find.py",
