@@ -235,7 +235,7 @@ GPU: tuple[Mistake, ...] = (
     *in_file(
         "gpu_backend/contact/surfaces_find.py",
         "simulator/test_simulated_bits.py::test_kernels_have_the_bits_of_the_cpu[tetrahedra-on-a-cloth-float32]",
-        {"a cloth has an inside (gpu)": ("if inside and (owned[triangle] >> sheet) & 1 != 0:", "if inside and triangle < 0:")},
+        {"a cloth has an inside (gpu)": ("if inside and (owned[triangle] >> SHEET) & 1 != 0:", "if inside and triangle < 0:")},
     ),
     *in_file(
         "gpu_backend/contact/self_find.py",
