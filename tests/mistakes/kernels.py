@@ -247,8 +247,8 @@ GPU: tuple[Mistake, ...] = (
         "simulator/test_simulated_particle_contacts.py::test_neighbours_are_those_of_asking_all",
         {
             "the hash cell of bodies forgets a row of cells (gpu)": ("for row in range(9):", "for row in range(8):"),
-            "a hash cell's own row is taken for another (gpu)": ("first, end = starts[bucket], np.int32(bucket + three)", "first, end = starts[bucket], np.int32(bucket + three - one)"),
-            "particles below 0 share a cell with those above (gpu)": ("return np.int32(whole - one) if place < real(whole) else whole", "return whole"),
+            "a hash cell's own row is taken for another (gpu)": ("first, end = starts[bucket], np.int32(bucket + THREE)", "first, end = starts[bucket], np.int32(bucket + THREE - ONE)"),
+            "particles below 0 share a cell with those above (gpu)": ("return np.int32(whole - ONE) if place < real(whole) else whole", "return whole"),
         },
     ),
     *in_file(
@@ -260,7 +260,7 @@ GPU: tuple[Mistake, ...] = (
         "gpu_backend/contact/particles_project.py",
         "simulator/test_simulated_particle_contacts.py::test_what_is_projected_is_the_references simulator/test_simulated_particle_contacts.py::test_two_in_one_place_part_upwards_and_downwards",
         {
-            "a contact counts from where the particle was (gpu)": ("d = p[0] - q[0], p[1] - q[1], p[2] - q[2]\n                        active", "d = start[0] - q[0], start[1] - q[1], start[2] - q[2]\n                        active"),
+            "a contact counts from where the particle was (gpu)": ("d = p[0] - q[0], p[1] - q[1], p[2] - q[2]\n                    active", "d = start[0] - q[0], start[1] - q[1], start[2] - q[2]\n                    active"),
             "who goes down is decided anew (gpu)": ("direction(d[0], d[1], d[2], distance, i < j)", "direction(d[0], d[1], d[2], distance, True)"),
         },
     ),
