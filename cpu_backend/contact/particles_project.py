@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from types import SimpleNamespace
 
 import numpy as np
 
@@ -13,6 +12,7 @@ from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.core.progress import assigned
 from softlab.model.base.types import Real
+from softlab.model.base.variant import FEATURE, features_of, real, routine, row_routine
 from softlab.model.contact.particle_parameters import (
     G_ACTIVE,
     G_DISTANCE,
@@ -25,222 +25,232 @@ from softlab.model.contact.particle_parameters import (
     H_STATIC,
     MAX_NEIGHBOURS,
 )
-from softlab.model.formulas import particle_contact
-from softlab.model.formulas.shape_matching import couple, rigid
+from softlab.model.formulas.particle_contact import (
+    added,
+    added_friction,
+    direction,
+    enforced_distance,
+    far,
+    grip,
+    moved,
+    rested,
+    shortened,
+    slip,
+    split,
+    squared,
+    within,
+)
+from softlab.model.formulas.particle_contact import depth as depth_of
+from softlab.model.formulas.particle_contact import pressed as pressed_by
+from softlab.model.formulas.shape_matching.couple import gathered, levered
+from softlab.model.formulas.shape_matching.rigid import carried
 
 PACES = frozenset({"speed-limit", "sleeping"})
 
 
-def _make_sweep(
-    compiler: Compiler, real: Real, has_friction: bool, has_adhesion: bool, has_rigid: bool, has_couples: bool
-) -> SimpleNamespace:
-    """Make `count_contacts`, `push`, `put` (see the inner functions), for a `band` of the particles that have neighbours."""
-    formulas = compiler.formulas(particle_contact, real)
-    squared, within, split, enforced_distance, direction = (
-        formulas.squared, formulas.within, formulas.split, formulas.enforced_distance, formulas.direction
+@routine
+def count_contacts(band, count, position, record, lists, contacts):
+    """Store the neighbours that are contacts at the current positions in `acting`, one particle after the other,
+    and their numbers in `counts`."""
+    who, numbers, entries, pairs, acting = lists.who, lists.numbers, lists.entries, lists.pairs, contacts.acting
+    first = lists.begins[band]
+    last = first + lists.active[band]
+    entry, place = np.int64(first) * MAX_NEIGHBOURS, np.int64(first) * MAX_NEIGHBOURS
+    xs, ys, zs = position, row_at(position, np.int64(count)), row_at(position, np.int64(2 * count))
+    for n in range(first, last):
+        i, begin = who[n], place
+        x, y, z = xs[i], ys[i], zs[i]
+        for e in range(entry, entry + numbers[n]):
+            j, pair = entries[e], pairs[e]
+            nearer = record[pair + G_ACTIVE] if pair >= 0 else record[-1 - pair + G_SELF_DISTANCE]
+            square = squared(x - xs[j], y - ys[j], z - zs[j])
+            acting[place] = e
+            place += 1 if within(square, nearer) else 0
+        entry += numbers[n]
+        contacts.counts[i] = real(place - begin)
+
+
+@routine
+def push(band, count, before, position, weights, record, lists, contacts, couples):
+    """Write new positions of particles with contacts into `moves`, by their place in `who`; add to `couples`."""
+    entries, pairs, acting = lists.entries, lists.pairs, contacts.acting
+    counts, pressed = contacts.counts, contacts.pressed
+    first = lists.begins[band]
+    last = first + lists.active[band]
+    place = np.int64(first) * MAX_NEIGHBOURS
+    xs, ys, zs = position, row_at(position, np.int64(count)), row_at(position, np.int64(2 * count))
+    old_x, old_y, old_z = before, row_at(before, np.int64(count)), row_at(before, np.int64(2 * count))
+    for n in range(first, last):
+        i = lists.who[n]
+        contact_count = counts[i]
+        if contact_count == 0.0:
+            continue
+        px, py, pz, weight = xs[i], ys[i], zs[i], weights[i]
+        ox, oy, oz = old_x[i], old_y[i], old_z[i]
+        x, y, z = 0.0, 0.0, 0.0
+        u, v, w = 0.0, 0.0, 0.0
+        for a in range(place, place + np.int64(contact_count)):
+            j, pair = entries[acting[a]], pairs[acting[a]]
+            distance = record[pair + G_DISTANCE] if pair >= 0 else record[-1 - pair + G_SELF_DISTANCE]
+            pull = 0.0
+            if FEATURE.contact_adhesion:
+                pull = record[pair + G_PULL] if pair >= 0 else 0.0
+            dx, dy, dz = px - xs[j], py - ys[j], pz - zs[j]
+            bx, by, bz = ox - old_x[j], oy - old_y[j], oz - old_z[j]
+            fraction = split(weight, contact_count, weights[j], counts[j])
+            enforced = enforced_distance(distance, bx, by, bz, record[H_PUSH])
+            length, nx, ny, nz = direction(dx, dy, dz, distance, i < j)
+            depth = depth_of(length, enforced, distance, pull)
+            if FEATURE.rigid_motion:
+                pressed[acting[a]] = pressed_by(pressed[acting[a]], fraction, depth)
+            if FEATURE.contact_friction and (depth > 0.0 or pull > 0.0):
+                sx, sy, sz = slip(dx, dy, dz, bx, by, bz, nx, ny, nz)
+                gripped = grip(sx, sy, sz, depth, pull, record[H_STATIC], record[H_DYNAMIC])
+                x = added_friction(x, fraction, depth, nx, gripped, sx)
+                y = added_friction(y, fraction, depth, ny, gripped, sy)
+                z = added_friction(z, fraction, depth, nz, gripped, sz)
+                if FEATURE.couples:
+                    u = levered(u, fraction, length, gripped, ny, sz, nz, sy)
+                    v = levered(v, fraction, length, gripped, nz, sx, nx, sz)
+                    w = levered(w, fraction, length, gripped, nx, sy, ny, sx)
+            else:
+                x, y, z = (
+                    added(x, fraction, depth, nx),
+                    added(y, fraction, depth, ny),
+                    added(z, fraction, depth, nz),
+                )
+        place += np.int64(contact_count)
+        x, y, z = moved(px, weight, x), moved(py, weight, y), moved(pz, weight, z)
+        contacts.moves[3 * n], contacts.moves[3 * n + 1], contacts.moves[3 * n + 2] = x, y, z
+        if FEATURE.couples:
+            couples[i] = gathered(couples[i], weight, u)
+            couples[count + i] = gathered(couples[count + i], weight, v)
+            couples[2 * count + i] = gathered(couples[2 * count + i], weight, w)
+
+
+@routine
+def put(band, count, position, travel, lists, contacts):
+    """Apply `moves`."""
+    moves = contacts.moves
+    for n in range(lists.begins[band], lists.begins[band] + lists.active[band]):
+        i = lists.who[n]
+        if contacts.counts[i] != 0.0:
+            for axis in range(3):
+                k = axis * count + i
+                if FEATURE.rigid_motion:
+                    travel[k] = carried(travel[k], moves[3 * n + axis], position[k])
+                position[k] = moves[3 * n + axis]
+
+
+@routine
+def project_all(team, member, bands, before, position, weights, arrays, travel, couples):
+    """Sweep over the contacts; each member of a team runs it (core/progress.py). `arrays`: ContactArrays.
+
+    `travel` is that of shape_matching/particles.py, for rigid bodies; `couples` that of shape_matching/couples.py, for
+    friction that turns clusters.
+    """
+    count, record, lists, contacts = weights.size, arrays.rows.record, arrays.search.lists, arrays.contacts
+    for _ in range(arrays.sweeps):
+        for band in assigned(team, member, bands):
+            count_contacts(band, count, position, record, lists, contacts)
+        for band in assigned(team, member, bands):
+            push(band, count, before, position, weights, record, lists, contacts, couples)
+        for band in assigned(team, member, bands):
+            put(band, count, position, travel, lists, contacts)
+
+
+@routine
+def clear_some(band, lists, contacts):
+    """Zero `pressed` of all contacts at the start of a substep."""
+    entry = np.int64(lists.begins[band]) * MAX_NEIGHBOURS
+    for n in range(lists.begins[band], lists.begins[band] + lists.active[band]):
+        for e in range(entry, entry + lists.numbers[n]):
+            contacts.pressed[e] = 0
+        entry += lists.numbers[n]
+
+
+@routine
+def clear(band, bands, lists, contacts):
+    clear_some(band, lists, contacts)
+
+
+@row_routine
+def settle_rows(n, record, x, y, z, to_x, to_y, to_z, over_x, over_y, over_z):
+    for k in range(n):
+        length = far(to_x[k] - x[k], to_y[k] - y[k], to_z[k] - z[k])
+        u, v, w = to_x[k], to_y[k], to_z[k]
+        if FEATURE.speed_limit:
+            u = shortened(u, x[k], length, record[H_FASTEST])
+            v = shortened(v, y[k], length, record[H_FASTEST])
+            w = shortened(w, z[k], length, record[H_FASTEST])
+        if FEATURE.sleeping:
+            u = rested(u, x[k], length, record[H_ASLEEP])
+            v = rested(v, y[k], length, record[H_ASLEEP])
+            w = rested(w, z[k], length, record[H_ASLEEP])
+        if FEATURE.rigid_motion:
+            over_x[k] = carried(over_x[k], u, to_x[k])
+            over_y[k] = carried(over_y[k], v, to_y[k])
+            over_z[k] = carried(over_z[k], w, to_z[k])
+        to_x[k], to_y[k], to_z[k] = u, v, w
+
+
+@routine
+def settle_some(first, last, count, before, position, record, travel):
+    """Apply the speed limit and sleeping at the end of a substep."""
+    u, v, w = (first, count + first, 2 * count + first) if FEATURE.rigid_motion else (0, 0, 0)
+    settle_rows(
+        last - first, record, row_at(before, first), row_at(before, count + first), row_at(before, 2 * count + first),
+        row_at(position, first), row_at(position, count + first), row_at(position, 2 * count + first),
+        row_at(travel, u), row_at(travel, v), row_at(travel, w),
     )  # fmt: skip
-    depth_of, slip, grip = formulas.depth, formulas.slip, formulas.grip
-    added, added_friction, moved = formulas.added, formulas.added_friction, formulas.moved
-    pressed_by, carried, zero = formulas.pressed, compiler.formulas(rigid, real).carried, real(0)
-    levers = compiler.formulas(couple, real)
-    levered, gathered = levers.levered, levers.gathered
 
-    @compiler.compiled
-    def count_contacts(band, count, position, record, lists, contacts):
-        """Store the neighbours that are contacts at the current positions in `acting`, one particle after the other,
-        and their numbers in `counts`."""
-        who, numbers, entries, pairs, acting = lists.who, lists.numbers, lists.entries, lists.pairs, contacts.acting
-        first = lists.begins[band]
-        last = first + lists.active[band]
-        entry, place = np.int64(first) * MAX_NEIGHBOURS, np.int64(first) * MAX_NEIGHBOURS
-        xs, ys, zs = position, row_at(position, np.int64(count)), row_at(position, np.int64(2 * count))
-        for n in range(first, last):
-            i, begin = who[n], place
-            x, y, z = xs[i], ys[i], zs[i]
-            for e in range(entry, entry + numbers[n]):
-                j, pair = entries[e], pairs[e]
-                nearer = record[pair + G_ACTIVE] if pair >= 0 else record[-1 - pair + G_SELF_DISTANCE]
-                square = squared(x - xs[j], y - ys[j], z - zs[j])
-                acting[place] = e
-                place += 1 if within(square, nearer) else 0
-            entry += numbers[n]
-            contacts.counts[i] = real(place - begin)
 
-    @compiler.compiled
-    def push(band, count, before, position, weights, record, lists, contacts, couples):
-        """Write new positions of particles with contacts into `moves`, by their place in `who`; add to `couples`."""
-        entries, pairs, acting = lists.entries, lists.pairs, contacts.acting
-        counts, pressed = contacts.counts, contacts.pressed
-        first = lists.begins[band]
-        last = first + lists.active[band]
-        place = np.int64(first) * MAX_NEIGHBOURS
-        xs, ys, zs = position, row_at(position, np.int64(count)), row_at(position, np.int64(2 * count))
-        old_x, old_y, old_z = before, row_at(before, np.int64(count)), row_at(before, np.int64(2 * count))
-        for n in range(first, last):
-            i = lists.who[n]
-            contact_count = counts[i]
-            if contact_count == zero:
-                continue
-            px, py, pz, weight = xs[i], ys[i], zs[i], weights[i]
-            ox, oy, oz = old_x[i], old_y[i], old_z[i]
-            x, y, z = zero, zero, zero
-            u, v, w = zero, zero, zero
-            for a in range(place, place + np.int64(contact_count)):
-                j, pair = entries[acting[a]], pairs[acting[a]]
-                distance = record[pair + G_DISTANCE] if pair >= 0 else record[-1 - pair + G_SELF_DISTANCE]
-                pull = zero
-                if has_adhesion:
-                    pull = record[pair + G_PULL] if pair >= 0 else zero
-                dx, dy, dz = px - xs[j], py - ys[j], pz - zs[j]
-                bx, by, bz = ox - old_x[j], oy - old_y[j], oz - old_z[j]
-                fraction = split(weight, contact_count, weights[j], counts[j])
-                enforced = enforced_distance(distance, bx, by, bz, record[H_PUSH])
-                length, nx, ny, nz = direction(dx, dy, dz, distance, i < j)
-                depth = depth_of(length, enforced, distance, pull)
-                if has_rigid:
-                    pressed[acting[a]] = pressed_by(pressed[acting[a]], fraction, depth)
-                if has_friction and (depth > zero or pull > zero):
-                    sx, sy, sz = slip(dx, dy, dz, bx, by, bz, nx, ny, nz)
-                    gripped = grip(sx, sy, sz, depth, pull, record[H_STATIC], record[H_DYNAMIC])
-                    x = added_friction(x, fraction, depth, nx, gripped, sx)
-                    y = added_friction(y, fraction, depth, ny, gripped, sy)
-                    z = added_friction(z, fraction, depth, nz, gripped, sz)
-                    if has_couples:
-                        u = levered(u, fraction, length, gripped, ny, sz, nz, sy)
-                        v = levered(v, fraction, length, gripped, nz, sx, nx, sz)
-                        w = levered(w, fraction, length, gripped, nx, sy, ny, sx)
-                else:
-                    x, y, z = (
-                        added(x, fraction, depth, nx),
-                        added(y, fraction, depth, ny),
-                        added(z, fraction, depth, nz),
-                    )
-            place += np.int64(contact_count)
-            x, y, z = moved(px, weight, x), moved(py, weight, y), moved(pz, weight, z)
-            contacts.moves[3 * n], contacts.moves[3 * n + 1], contacts.moves[3 * n + 2] = x, y, z
-            if has_couples:
-                couples[i] = gathered(couples[i], weight, u)
-                couples[count + i] = gathered(couples[count + i], weight, v)
-                couples[2 * count + i] = gathered(couples[2 * count + i], weight, w)
-
-    @compiler.compiled
-    def put(band, count, position, travel, lists, contacts):
-        moves = contacts.moves
-        for n in range(lists.begins[band], lists.begins[band] + lists.active[band]):
-            i = lists.who[n]
-            if contacts.counts[i] != zero:
-                for axis in range(3):
-                    k = axis * count + i
-                    if has_rigid:
-                        travel[k] = carried(travel[k], moves[3 * n + axis], position[k])
-                    position[k] = moves[3 * n + axis]
-
-    return SimpleNamespace(count_contacts=count_contacts, push=push, put=put)
+@routine
+def settle(band, bands, count, before, position, record, travel):
+    settle_some(count * band // bands, count * (band + 1) // bands, count, before, position, record, travel)
 
 
 @cache
 def make_project(
     real: Real, math: str, has_friction: bool, has_adhesion: bool, has_rigid: bool, has_couples: bool = False
 ) -> Callable:
-    """Make project(team, member, bands, before, position, weights, arrays, travel, couples).
-
-    Each member of a team runs it (core/progress.py); `arrays`: ContactArrays. `travel`, with `has_rigid`, is that of
-    shape_matching/particles.py, for rigid bodies; `couples`, with `has_couples`, that of shape_matching/couples.py, for
-    friction that turns clusters.
-    """
+    """Make `project_all`."""
     words = "_friction" * has_friction + "_adhesion" * has_adhesion + "_rigid" * has_rigid + "_couples" * has_couples
+    features = {
+        "contact_friction": has_friction, "contact_adhesion": has_adhesion, "rigid_motion": has_rigid,
+        "couples": has_couples,
+    }  # fmt: skip
     compiler = Compiler(f"particles_project_{np.dtype(real).name}_{math}{words}", math)
-    passes = _make_sweep(compiler, real, has_friction, has_adhesion, has_rigid, has_couples)
-    count_contacts, push, put = passes.count_contacts, passes.push, passes.put
-
-    @compiler.compiled
-    def project_all(team, member, bands, before, position, weights, arrays, travel, couples):
-        count, record, lists, contacts = weights.size, arrays.rows.record, arrays.search.lists, arrays.contacts
-        for _ in range(arrays.sweeps):
-            for band in assigned(team, member, bands):
-                count_contacts(band, count, position, record, lists, contacts)
-            for band in assigned(team, member, bands):
-                push(band, count, before, position, weights, record, lists, contacts, couples)
-            for band in assigned(team, member, bands):
-                put(band, count, position, travel, lists, contacts)
-
-    return project_all
+    made: Callable = compiler.variant_of(real, features)(project_all)
+    return made
 
 
 @cache
 def make_project_stage(
     real: Real, math: str, has_friction: bool, has_adhesion: bool, has_rigid: bool, has_couples: bool = False
 ) -> Callable:
-    """Compile project(bands, before, position, weights, arrays, travel, couples): see make_project."""
+    """Compile project(bands, before, position, weights, arrays, travel, couples): see `project_all`."""
     name = f"particles_{np.dtype(real).name}_{math}{'_friction' * has_friction}{'_adhesion' * has_adhesion}"
-    project_all = make_project(real, math, has_friction, has_adhesion, has_rigid, has_couples)
-
-    return Compiler(name, math).team(project_all)
+    return Compiler(name, math).team(make_project(real, math, has_friction, has_adhesion, has_rigid, has_couples))
 
 
 def make_clear(compiler: Compiler) -> Callable:
-    """Make clear(band, lists, contacts): it zeroes `pressed` of all contacts at the start of a substep."""
-
-    @compiler.compiled
-    def clear(band, lists, contacts):
-        entry = np.int64(lists.begins[band]) * MAX_NEIGHBOURS
-        for n in range(lists.begins[band], lists.begins[band] + lists.active[band]):
-            for e in range(entry, entry + lists.numbers[n]):
-                contacts.pressed[e] = 0
-            entry += lists.numbers[n]
-
-    return clear
+    """Make `clear_some`."""
+    made: Callable = compiler.variant_of(np.float64)(clear_some)
+    return made
 
 
 @cache
 def make_clear_stage(real: Real, math: str) -> Callable:
     """Compile clear(bands, lists, contacts): all particles, in parallel."""
     compiler = Compiler(f"particles_clear_{np.dtype(real).name}_{math}", math)
-    clear_some = make_clear(compiler)
-
-    def clear(band, bands, lists, contacts):
-        clear_some(band, lists, contacts)
-
-    return compiler.banded(clear)
+    return compiler.banded(compiler.variant_of(real).copied(clear))
 
 
 def make_settle(compiler: Compiler, real: Real, parts: frozenset[str]) -> Callable:
-    """Make settle(first, last, count, before, position, record, travel): it applies the speed limit and sleeping at the
-    end of a substep."""
-    formulas = compiler.formulas(particle_contact, real)
-    far, shortened, rested = formulas.far, formulas.shortened, formulas.rested
-    has_limit, has_sleeping, has_rigid = "speed-limit" in parts, "sleeping" in parts, "rigid-motion" in parts
-    carried, zero = compiler.formulas(rigid, real).carried, np.int64(0)
-
-    @compiler.row
-    def settle_rows(n, record, x, y, z, to_x, to_y, to_z, over_x, over_y, over_z):
-        for k in range(n):
-            length = far(to_x[k] - x[k], to_y[k] - y[k], to_z[k] - z[k])
-            u, v, w = to_x[k], to_y[k], to_z[k]
-            if has_limit:
-                u = shortened(u, x[k], length, record[H_FASTEST])
-                v = shortened(v, y[k], length, record[H_FASTEST])
-                w = shortened(w, z[k], length, record[H_FASTEST])
-            if has_sleeping:
-                u = rested(u, x[k], length, record[H_ASLEEP])
-                v = rested(v, y[k], length, record[H_ASLEEP])
-                w = rested(w, z[k], length, record[H_ASLEEP])
-            if has_rigid:
-                over_x[k] = carried(over_x[k], u, to_x[k])
-                over_y[k] = carried(over_y[k], v, to_y[k])
-                over_z[k] = carried(over_z[k], w, to_z[k])
-            to_x[k], to_y[k], to_z[k] = u, v, w
-
-    @compiler.compiled
-    def settle(first, last, count, before, position, record, travel):
-        u, v, w = (first, count + first, 2 * count + first) if has_rigid else (zero, zero, zero)
-        settle_rows(
-            last - first, record, row_at(before, first), row_at(before, count + first), row_at(before, 2 * count + first),
-            row_at(position, first), row_at(position, count + first), row_at(position, 2 * count + first),
-            row_at(travel, u), row_at(travel, v), row_at(travel, w),
-        )  # fmt: skip
-
-    return settle
+    """Make `settle_some`."""
+    made: Callable = compiler.variant_of(real, features_of(parts))(settle_some)
+    return made
 
 
 @cache
@@ -248,9 +258,4 @@ def make_settle_stage(real: Real, math: str, parts: frozenset[str]) -> Callable:
     """Compile settle(bands, count, before, position, record, travel): all particles, in parallel."""
     words = sorted(parts & (PACES | {"rigid-motion"}))
     compiler = Compiler(f"particles_{np.dtype(real).name}_{math}_{'_'.join(words)}", math)
-    settle_some = make_settle(compiler, real, parts)
-
-    def settle(band, bands, count, before, position, record, travel):
-        settle_some(count * band // bands, count * (band + 1) // bands, count, before, position, record, travel)
-
-    return compiler.banded(settle)
+    return compiler.banded(compiler.variant_of(real, features_of(parts)).copied(settle))

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from softlab.cpu_backend.contact.self_find import V_B, V_C, V_ENFORCED, V_NX, V_NY, V_NZ
+from softlab.cpu_backend.contact.self_find import V_B, V_C, V_ENFORCED, V_NX, V_NY, V_NZ, difference, seen_from
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.progress import assigned
 from softlab.model.base.variant import FEATURE, routine
@@ -40,16 +40,6 @@ F_DEPTH, F_X, F_Y, F_Z = range(FORCES)
 F_PRESS = FORCES + 6  # along the normal
 F_FRICTION = F_PRESS + 1
 RUBBING = F_FRICTION + 3
-
-
-@routine
-def difference(points, a, b):
-    return points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
-
-
-@routine
-def seen_from(points, k, a, b, c):
-    return difference(points, a, k), difference(points, a, b), difference(points, a, c)
 
 
 @routine

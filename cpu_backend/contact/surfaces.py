@@ -8,7 +8,8 @@ import numpy as np
 
 from softlab.cpu_backend.contact.neighbours import Neighbours
 from softlab.cpu_backend.contact.self_contact import HeldContacts
-from softlab.cpu_backend.contact.surfaces_find import VALUES, make_find
+from softlab.cpu_backend.contact.self_find import VALUES_OF_SURFACES
+from softlab.cpu_backend.contact.surfaces_find import make_find
 from softlab.model.contact.particle_parameters import G_SEARCH_RADIUS
 from softlab.model.contact.surface_parameters import TETRAHEDRA_MEETING, Meeting, neighbour_record
 from softlab.model.scene.scene import Scene
@@ -34,7 +35,7 @@ class SurfaceContacts(HeldContacts):
         weights: np.ndarray,
         meeting: Meeting = TETRAHEDRA_MEETING,
     ):
-        super().__init__(scene.contact, real, math, threads, weights, VALUES, surfaces=True)
+        super().__init__(scene.contact, real, math, threads, weights, VALUES_OF_SURFACES, surfaces=True)
         self._meeting, surface = meeting, meeting.surface(scene)
         self._vertices, self._body, count = surface.vertices, surface.body, len(surface.vertices)
         self._rest = np.ascontiguousarray(surface.rest, real)

@@ -12,44 +12,48 @@ import numpy as np
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.simulation import ParticlesSimulation
 from softlab.model.base.types import Real
-from softlab.model.formulas.elastic import descent
+from softlab.model.base.variant import routine
+from softlab.model.formulas.elastic.descent import carried
 
 AXES = 3
 
 
+@routine
+def take(band, bands, flat, slots, stride, first, rows):
+    """Read coordinate `axis` of row first + k from flat[slots[k] + axis * stride]."""
+    count = slots.size
+    for k in range(count * band // bands, count * (band + 1) // bands):
+        for axis in range(AXES):
+            rows[first + k, axis] = flat[slots[k] + axis * stride]
+
+
+@routine
+def give(band, bands, rows, weights, slots, stride, first, flat):
+    """Write rows back, as `take` reads them, for particles with a weight."""
+    count = slots.size
+    for k in range(count * band // bands, count * (band + 1) // bands):
+        if weights[first + k] > 0.0:
+            for axis in range(AXES):
+                flat[slots[k] + axis * stride] = rows[first + k, axis]
+
+
+@routine
+def carry(band, bands, rows, weights, slots, stride, first, flat, inertial):
+    """Add displacements to `inertial`, before `give`."""
+    count = slots.size
+    for k in range(count * band // bands, count * (band + 1) // bands):
+        if weights[first + k] > 0.0:
+            for axis in range(AXES):
+                at = slots[k] + axis * stride
+                inertial[at] = carried(inertial[at], rows[first + k, axis], flat[at])
+
+
 @cache
 def make_transfers(real: Real) -> SimpleNamespace:
-    """Compile `take`, `give` and `carry`.
-
-    `take(bands, flat, slots, stride, first, rows)`: coordinate `axis` of row first + k is flat[slots[k] + axis *
-    stride]. `give(bands, rows, weights, slots, stride, first, flat)`: the reverse, for particles with a weight.
-    `carry(..., flat, inertial)`: as `give`, and adds their displacements to `inertial` before.
-    """
-    compiler, zero = Compiler(f"joined_{np.dtype(real).name}", "exact"), real(0)
-    carried = compiler.formulas(descent, real).carried
-
-    def take(band, bands, flat, slots, stride, first, rows):
-        count = slots.size
-        for k in range(count * band // bands, count * (band + 1) // bands):
-            for axis in range(AXES):
-                rows[first + k, axis] = flat[slots[k] + axis * stride]
-
-    def give(band, bands, rows, weights, slots, stride, first, flat):
-        count = slots.size
-        for k in range(count * band // bands, count * (band + 1) // bands):
-            if weights[first + k] > zero:
-                for axis in range(AXES):
-                    flat[slots[k] + axis * stride] = rows[first + k, axis]
-
-    def carry(band, bands, rows, weights, slots, stride, first, flat, inertial):
-        count = slots.size
-        for k in range(count * band // bands, count * (band + 1) // bands):
-            if weights[first + k] > zero:
-                for axis in range(AXES):
-                    at = slots[k] + axis * stride
-                    inertial[at] = carried(inertial[at], rows[first + k, axis], flat[at])
-
-    return SimpleNamespace(**{one.__name__: compiler.banded(one) for one in (take, give, carry)})
+    """Compile `take`, `give` and `carry`."""
+    compiler = Compiler(f"joined_{np.dtype(real).name}", "exact")
+    copied = compiler.variant_of(real).copied
+    return SimpleNamespace(**{one.__name__: compiler.banded(copied(one)) for one in (take, give, carry)})
 
 
 class Joined:

@@ -8,83 +8,78 @@ from __future__ import annotations
 from functools import cache
 from types import SimpleNamespace
 
-from softlab.gpu_backend.contact.colliders import make_collide
-from softlab.gpu_backend.core.compile import inlined
-from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.gpu_backend.contact.colliders import collide as collide_all
+from softlab.gpu_backend.core.formulas import device_variant
 from softlab.model.base.types import Real
-from softlab.model.formulas import distance
+from softlab.model.base.variant import FEATURE, features_of, inlined_routine
+from softlab.model.formulas.distance import damping_factor, kicked, predicted, rate
+
+
+@inlined_routine
+def factor_of(weight, parameters):
+    """Return the factor by which damping shrinks a velocity."""
+    if FEATURE.damping:
+        return damping_factor(parameters.braking, weight) if FEATURE.load else parameters.keep
+    return 1.0
+
+
+@inlined_routine
+def predict(p, v, ax, ay, az, parameters):
+    """Return (x, y, z), the position without constraints."""
+    h, factor = parameters.dt, factor_of(p[3], parameters)
+    x = predicted(p[0], h, kicked(v[0], factor, h, ax))
+    y = predicted(p[1], h, kicked(v[1], factor, h, ay))
+    z = p[2]
+    if FEATURE.axes == 3:
+        z = predicted(z, h, kicked(v[2], factor, h, az))
+    if FEATURE.pins:
+        if p[3] == 0.0:
+            x, y, z = p[0], p[1], p[2]
+    return x, y, z
+
+
+@inlined_routine
+def kick(p, v, ax, ay, az, parameters):
+    """Return the velocity of a prediction in space; 0 for a pinned mass."""
+    h, factor = parameters.dt, factor_of(p[3], parameters)
+    vx, vy, vz = kicked(v[0], factor, h, ax), kicked(v[1], factor, h, ay), kicked(v[2], factor, h, az)
+    if FEATURE.pins:
+        if p[3] == 0.0:
+            vx, vy, vz = 0.0, 0.0, 0.0
+    return vx, vy, vz
+
+
+@inlined_routine
+def rate_of(p, b, parameters):
+    """Return the velocity from b to p (quads)."""
+    inverse = parameters.inverse_substep
+    vx, vy, vz = rate(p[0], b[0], inverse), rate(p[1], b[1], inverse), 0.0
+    if FEATURE.axes == 3:
+        vz = rate(p[2], b[2], inverse)
+    if FEATURE.pins:
+        if b[3] == 0.0:
+            vx, vy, vz = 0.0, 0.0, 0.0
+    return vx, vy, vz
+
+
+@inlined_routine
+def collide(b, p, vx, vy, vz, world, number):
+    """Return (x, y, z, vx, vy, vz), the state after the colliders in substep `number`."""
+    if FEATURE.pins:
+        if b[3] == 0.0:
+            return p[0], p[1], p[2], vx, vy, vz
+    return collide_all(b, p[0], p[1], p[2], vx, vy, vz, world, number)
+
+
+@inlined_routine
+def settle(b, p, world, number):
+    """Return (x, y, z, vx, vy, vz) after the colliders, from the substep's start b and end p."""
+    vx, vy, vz = rate_of(p, b, world.parameters)
+    return collide(b, p, vx, vy, vz, world, number)
 
 
 @cache
 def make_motion(real: Real, math: str, parts: frozenset[str], axes: int) -> SimpleNamespace:
-    """Make `predict`, `kick`, `rate_of`, `collide` and `settle`.
-
-    `predict(p, v, ax, ay, az, parameters)` -> (x, y, z): the position without constraints; `kick(p, v, ax, ay, az,
-    parameters)` -> the velocity of the prediction; `rate_of(p, b, parameters)` -> the velocity from b to p (quads);
-    `collide(b, p, vx, vy, vz, world, number)` -> (x, y, z, vx, vy, vz): after the colliders, in substep `number`;
-    `settle`: the last two, from the substep's start and end.
-    """
-    formulas = device_formulas(distance, real, math)
-    kicked, damping_factor, predicted, rate = (
-        formulas.kicked,
-        formulas.damping_factor,
-        formulas.predicted,
-        formulas.rate,
-    )
-    touch = make_collide(real, math, parts)
-    inline = inlined(math)
-    has_pins, has_load, has_damping, solid = "pins" in parts, "load" in parts, "damping" in parts, axes == 3
-    zero, one = real(0), real(1)
-
-    @inline
-    def predict(p, v, ax, ay, az, parameters):
-        h, keep = parameters.dt, one
-        if has_damping:
-            keep = damping_factor(parameters.braking, p[3]) if has_load else parameters.keep
-        x = predicted(p[0], h, kicked(v[0], keep, h, ax))
-        y = predicted(p[1], h, kicked(v[1], keep, h, ay))
-        z = p[2]
-        if solid:
-            z = predicted(z, h, kicked(v[2], keep, h, az))
-        if has_pins:
-            if p[3] == zero:
-                x, y, z = p[0], p[1], p[2]
-        return x, y, z
-
-    @inline
-    def kick(p, v, ax, ay, az, parameters):
-        """Return the velocity of a prediction in space; 0 for a pinned mass."""
-        h, keep = parameters.dt, one
-        if has_damping:
-            keep = damping_factor(parameters.braking, p[3]) if has_load else parameters.keep
-        vx, vy, vz = kicked(v[0], keep, h, ax), kicked(v[1], keep, h, ay), kicked(v[2], keep, h, az)
-        if has_pins:
-            if p[3] == zero:
-                vx, vy, vz = zero, zero, zero
-        return vx, vy, vz
-
-    @inline
-    def rate_of(p, b, parameters):
-        inverse = parameters.inverse_substep
-        vx, vy, vz = rate(p[0], b[0], inverse), rate(p[1], b[1], inverse), zero
-        if solid:
-            vz = rate(p[2], b[2], inverse)
-        if has_pins:
-            if b[3] == zero:
-                vx, vy, vz = zero, zero, zero
-        return vx, vy, vz
-
-    @inline
-    def collide(b, p, vx, vy, vz, world, number):
-        if has_pins:
-            if b[3] == zero:
-                return p[0], p[1], p[2], vx, vy, vz
-        return touch(b, p[0], p[1], p[2], vx, vy, vz, world, number)
-
-    @inline
-    def settle(b, p, world, number):
-        parameters = world.parameters
-        vx, vy, vz = rate_of(p, b, parameters)
-        return collide(b, p, vx, vy, vz, world, number)
-
-    return SimpleNamespace(predict=predict, kick=kick, rate_of=rate_of, collide=collide, settle=settle)
+    """Make `predict`, `kick`, `rate_of`, `collide` and `settle`."""
+    variant = device_variant(real, math, features_of(parts) | {"axes": axes})
+    return SimpleNamespace(**{one.__name__: variant(one) for one in (predict, kick, rate_of, collide, settle)})

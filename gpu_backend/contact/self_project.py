@@ -147,7 +147,8 @@ def rubbed(k, corners, position, before, n, w, masses_of, parameters, path, impu
     first = first_weight(w[0], w[1])
     masses = (
         split(mass_weights[k], press, loads[k]), split(mass_weights[a], load_by_push(first, press), loads[a]),
-        split(mass_weights[b], load_by_push(w[0], press), loads[b]), split(mass_weights[c], load_by_push(w[1], press), loads[c]),
+        split(mass_weights[b], load_by_push(w[0], press), loads[b]),
+        split(mass_weights[c], load_by_push(w[1], press), loads[c]),
     )  # fmt: skip
     return rub_surfaces(
         (n[0], n[1], n[2]), r, slid, impulses, (first, w[0], w[1]), masses,

@@ -10,49 +10,50 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from softlab.gpu_backend.core.compile import make_kernels, variant_name
+from softlab.gpu_backend.core.compile import kernels_of, variant_name
 from softlab.gpu_backend.core.device import Stream
-from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
 from softlab.gpu_backend.core.substeps import SubstepSimulation
 from softlab.model.base.types import Real
-from softlab.model.formulas.elastic import descent
+from softlab.model.base.variant import routine
+from softlab.model.formulas.elastic.descent import carried
 
 THREADS = 128
 
 
+@routine
+def take(quads, particles, first, rows):
+    """Read quad first + k of `rows` from that of particles[k]."""
+    k = np.int64(cuda.grid(1))
+    if k < particles.size:
+        p = load_quad(quads, particles[k])
+        store_quad(rows, first + k, p[0], p[1], p[2], p[3])
+
+
+@routine
+def give(rows, weights, particles, first, quads):
+    """Write rows back, as `take` reads them, for particles with a weight; a quad keeps its fourth number."""
+    k = np.int64(cuda.grid(1))
+    if k < particles.size and weights[first + k] > 0.0:
+        p = load_quad(rows, first + k)
+        store_quad(quads, particles[k], p[0], p[1], p[2], load_quad(quads, particles[k])[3])
+
+
+@routine
+def carry(rows, weights, particles, first, quads, inertial):
+    """Add displacements to `inertial`, before `give`."""
+    k = np.int64(cuda.grid(1))
+    if k < particles.size and weights[first + k] > 0.0:
+        at = particles[k]
+        p, q, y = load_quad(rows, first + k), load_quad(quads, at), load_quad(inertial, at)
+        store_quad(inertial, at, carried(y[0], p[0], q[0]), carried(y[1], p[1], q[1]), carried(y[2], p[2], q[2]), y[3])
+
+
 @cache
 def make_transfers(real: Real) -> SimpleNamespace:
-    """Compile `take`, `give` and `carry`.
-
-    `take(quads, particles, first, rows)`: quad first + k is that of particles[k]; `give(rows, weights, particles,
-    first, quads)`: the reverse, for particles with a weight; a quad keeps its fourth number; `carry(..., quads,
-    inertial)`: as `give`, and adds their displacements to `inertial` before.
-    """
-    zero, carried = real(0), device_formulas(descent, real, "exact").carried
-
-    def take(quads, particles, first, rows):
-        k = np.int64(cuda.grid(1))
-        if k < particles.size:
-            p = load_quad(quads, particles[k])
-            store_quad(rows, first + k, p[0], p[1], p[2], p[3])
-
-    def give(rows, weights, particles, first, quads):
-        k = np.int64(cuda.grid(1))
-        if k < particles.size and weights[first + k] > zero:
-            p = load_quad(rows, first + k)
-            store_quad(quads, particles[k], p[0], p[1], p[2], load_quad(quads, particles[k])[3])
-
-    def carry(rows, weights, particles, first, quads, inertial):
-        k = np.int64(cuda.grid(1))
-        if k < particles.size and weights[first + k] > zero:
-            at = particles[k]
-            p, q, y = load_quad(rows, first + k), load_quad(quads, at), load_quad(inertial, at)
-            store_quad(
-                inertial, at, carried(y[0], p[0], q[0]), carried(y[1], p[1], q[1]), carried(y[2], p[2], q[2]), y[3]
-            )
-
-    return make_kernels((take, give, carry), f"joined_{variant_name(real)}")
+    """Compile `take`, `give` and `carry`."""
+    return kernels_of(device_variant(real, "exact"), "exact", (take, give, carry), f"joined_{variant_name(real)}")
 
 
 class Joined:

@@ -34,7 +34,7 @@ import inspect
 import operator
 from collections.abc import Callable, Iterable, Mapping
 from difflib import get_close_matches
-from functools import cache
+from functools import cache, cached_property
 from threading import Lock
 from types import CodeType, FunctionType, ModuleType
 from typing import Any, TypeVar
@@ -53,41 +53,177 @@ COMPARED: dict[type[ast.cmpop], Callable[..., bool]] = {
 SINGLE = "single"  # the feature of every float32 variant
 FEATURES = {  # what a variant may have and a formula may ask for
     "alone": "a tetrahedron conserves its own volume, not with others of its voxel",
+    "alternating": "every second structural constraint has its own constants",
     "anchors": "number of anchors of a long-range attachment",
+    "area": "numbers of a plane in shared memory",
     "around": "the constraints of a run share corners with its last one",
+    "at_across": "number of the scratch rows of the pulls along the row",
     "at_close": "number of the scratch rows of the sums of accelerations",
+    "at_down": "number of the scratch rows of the pulls down to the next row",
+    "at_far_across": "number of the scratch rows of the bending pulls along the row",
+    "at_far_down": "number of the scratch rows of the bending pulls down",
     "at_first": "number of the scratch rows of the wind on the lower triangles",
+    "at_left": "number of the scratch rows of the pulls down to the left",
+    "at_once": "particles end a substep with the last displacement to their goals",
+    "at_open": "number of the scratch rows of the sums of accelerations of the step before",
+    "at_right": "number of the scratch rows of the pulls down to the right",
     "at_second": "number of the scratch rows of the wind on the upper triangles",
+    "attachments": "there are long-range attachments",
+    "averaged": "corrections of a fluid are averaged over neighbours",
+    "averaged_jacobi": "all constraints act at one position, and the mean of their displacements moves a mass",
     "axes": "2 or 3 dimensions",
+    "balls": "vertices are balls, each of a radius",
+    "bending": "there are bending constraints",
+    "block": "columns per iteration of loops along a row",
     "blocks": "constraints of a tetrahedron are solved together",
+    "body_damping": "bodies have damping rates of their own",
     "bounces": "contacts have restitution",
-    "corners": "number of corners of a constraint",
+    "box": "there are boxes among the colliders",
+    "calmed": "particles have a speed limit or sleep",
+    "capsule": "there are capsules among the colliders",
+    "changing": "forces on single particles depend on the step number",
+    "chebyshev": "sweeps are accelerated",
+    "classes": "number of classes of a combed row",
+    "cleared": "groups of scratch rows that a walk clears",
+    "closed": "contacts are with surfaces that have an inside",
+    "cluster_damping": "clusters damp the motion of their particles",
+    "cohesion": "a fluid has cohesion",
+    "colliders": "there are colliders",
+    "colliders_in_iterations": "colliders act before each iteration, too",
+    "colour": "number of a colour of constraints",
+    "columns_along": "columns between the ends of a constraint",
+    "constants": "number of a kind of constraints in OF_SHEETS",
+    "constraints": "there are constraints",
+    "contact_adhesion": "particles attract each other in contacts",
+    "contact_friction": "contacts of particles have friction",
+    "contact_restitution": "contacts of particles have restitution",
+    "contacts": "particles may be in contact",
+    "corners": "number of corners of an attachment",
+    "couples": "friction turns clusters",
+    "cut": "the grid's last row may be inside a thread's strip",
     "damped": "there is a damper",
-    "damping": "velocities are damped",
+    "damping": "air damps the motion of particles",
+    "distance_field": "there are distance fields among the colliders",
+    "drag": "a fluid has drag",
+    "emitter": "a fluid has emitters",
+    "family": "number of a family of constraints",
+    "fast": "fast math, sums in any order",
+    "fetched": "masses that a thread fetches",
+    "fields": "numbers of a mass in shared memory",
+    "first_before": "first number of the positions before the substep in shared memory",
+    "first_column": "column of the first tile's first mass",
+    "first_multiplier": "number of the first multiplier of a mass or of a colour",
+    "first_row": "row of the first tile's first mass",
+    "first_triple": "number of a family's first triple of scratch rows",
+    "flow": "a fluid has emitters or sinks",
+    "fluids": "there are several fluids",
     "followed": "more constraint sets follow",
+    "forced": "there are forces on single particles",
     "friction": "contacts have friction",
+    "friction_in_place": "friction of colliders acts on positions, too",
     "gravity": "there is gravity",
     "gust": "the wind has gusts",
+    "halo": "rings of masses around those that a tile owns",
+    "halo_columns": "columns of a tile before those that its block writes",
+    "halo_rows": "rows of a tile before those that its block writes",
+    "idle_triple": "number of the triple of scratch rows that nobody reads",
+    "implicit": "springs act at the end of a step",
     "in_place": "friction acts within the iterations",
+    "jacobi": "all constraints act at one position, and the sum of their displacements moves a mass",
+    "kinds": "there is more than one kind of bodies",
+    "lattice_columns": "columns of threads that cover a colour of a tile",
+    "lattice_rows": "rows of threads that cover a colour of a tile",
+    "lattice_shift": "rows or columns from a tile's first mass to the first constraint of a colour",
+    "lattices": "bodies have lattices of windows",
     "levers": "friction of surfaces acts at the vertex, and turns triangles",
-    "linear": "one linearised step of implicit Euler",
+    "limited_change": "a fluid has a maximum acceleration",
+    "limits": "a smoothing also limits velocities",
+    "linear": "one linearised step of implicit Euler; clusters with linear deformation",
+    "links": "links join particles of bodies",
     "load": "masses differ",
+    "mass_forces": "accelerations differ between masses",
+    "masses_each": "masses of a thread",
     "material": "number of the elastic energy",
+    "mesh_collider": "there are meshes among the colliders",
+    "motion": "pins follow a motion",
     "moved": "how many corners a constraint moves",
+    "moving": "neighbours' velocities act on a mass",
+    "multiplier_plane": "number of a family's plane of multipliers",
     "multipliers": "how many multipliers a constraint has",
     "name_of_compliance": "the constraints' compliance in the record of constants",
     "name_of_damping": "the constraints' damping in the record of constants",
     "name_of_stiffening": "the constraints' stiffening in the record of constants",
+    "neighbours": "capacity of a neighbour list",
     "number": "number of the constraint set in its tuple",
     "numbers": "how many numbers a row has",
+    "owned_columns": "columns of a tile that its block writes",
+    "owned_rows": "rows of a tile that its block writes",
+    "pairs": "rebounds are limited by both bodies of a pair",
+    "particle_forces": "there are forces on single particles",
     "per_constraint": "each constraint has its own compliance",
+    "periodic_x": "the domain is periodic along x",
+    "periodic_y": "the domain is periodic along y",
+    "periodic_z": "the domain is periodic along z",
+    "pins": "some particles are pinned",
+    "pitch": "numbers of a row of a plane in shared memory",
+    "plane": "there are planes among the colliders",
     "planes": "particles are stored in planes, not in rows",
+    "plastic": "clusters keep strains",
+    "rates_apart": "velocities are computed before colliders act",
+    "region": "masses from the middle of a window to its edge",
+    "registers": "multipliers of a thread",
+    "repeats": "the domain is periodic",
+    "restitution": "contacts have restitution",
+    "rests": "rigid bodies come to rest",
+    "rigid_bounce": "rigid bodies rebound from one another",
+    "rigid_motion": "there are rigid bodies",
+    "rigid_rebound": "rigid bodies rebound from colliders",
+    "rising": "constraints lead to the left",
+    "rows_down": "rows between the ends of a constraint",
     "run": "how many constraints a thread projects one after the other",
+    "scaled": "impulses are scaled by the response of both bodies",
+    "scaled_impulses": "impulses of a pair are scaled by the smaller factor of both",
+    "self_contact": "some body touches itself",
+    "separate_before": "positions at the start of a substep have planes of their own",
+    "shapes": "neighbours need normals and vorticities",
+    "shear": "there are shear constraints",
     SINGLE: "float32",
+    "sink": "a fluid has sinks",
+    "sleeping": "slow particles rest",
+    "slot": "number of a thread's mass",
+    "slots": "constraints of a thread of one colour",
+    "smoothing": "neighbours change a fluid's velocities",
     "soft": "constraints have a compliance",
+    "solids": "there are samples of solids among a fluid's particles",
+    "spare": "copies of bodies wait to be added",
+    "speed_limit": "particles have a maximum speed",
+    "sphere": "there are spheres among the colliders",
+    "springs": "attachments are springs",
+    "stage": "number of the stage of RK4, from 0",
+    "stencil": "rings of masses that the forces on a mass depend on",
+    "stencil_rows": "largest number of rows between the ends of a constraint",
+    "strip": "masses of a thread",
+    "structural": "there are structural constraints",
+    "surface_tension": "a fluid has surface tension",
+    "swept": "capsules and boxes are swept: no path in a step crosses them",
+    "tensile": "a fluid has the tensile correction",
     "threads": "number of threads of a block",
+    "tile_columns": "columns of a tile",
+    "tile_pitch": "quads from a row of a tile to the next",
+    "tile_quads": "quads of a tile",
+    "tile_rows": "rows of a tile",
+    "tile_threads": "threads of a tile's block",
     "timed": "something depends on the number of the step",
+    "triples": "number of triples of scratch rows",
+    "two_stages": "a substep has two solves",
+    "uneven": "a row has masses of other weights than 1",
+    "upwards": "a scan is along z, not y",
     "values": "how many numbers a constraint has",
+    "verlet": "the integrator is velocity Verlet",
+    "viscosity": "a fluid has viscosity",
+    "vorticity": "a fluid has vorticity confinement",
+    "walls": "there are walls of a fluid",
+    "whole": "the grid is one tile",
     "wind": "there is wind",
 }
 
@@ -183,7 +319,7 @@ def place(function: Any) -> str:
 
 
 class Open:
-    """A name in a formula that `filled` replaces by another formula; `signature` says which one."""
+    """A name in a formula that `filled` replaces, usually by another formula; `signature` says by what."""
 
     def __init__(self, signature: str):
         self.signature = signature
@@ -196,17 +332,65 @@ class Filled:
     """A formula with formulas in the place of its open names."""
 
     def __init__(self, function: Any, names: dict[str, Any]):
-        self.function, self.names = function, names
+        self.function, self.names, self._key = function, names, (function, frozenset(names.items()))
         self.__name__, self.__module__, self.__doc__ = function.__name__, function.__module__, function.__doc__
         self.rounds_products, self.how = function.rounds_products, function.how
 
     def __call__(self, *arguments: object) -> Any:
         return Variant(np.float64)(self)(*arguments)
 
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Filled) and self._key == other._key
+
+    def __hash__(self) -> int:
+        return hash(self._key)
+
+
+class Inlined(Filled):
+    """A formula that is inlined with all that it calls."""
+
 
 def filled(function: Any, names: dict[str, Any]) -> Any:
-    """Return a formula with formulas in the place of its open `names`."""
-    return Filled(function, names)
+    """Return a formula with formulas in the place of the open `names` of it and of what it calls."""
+    kind = Filled
+    if isinstance(function, Filled):
+        kind, function, names = type(function), function.function, {**names, **function.names}
+    return kind(function, names)
+
+
+def inlined_throughout(function: Any) -> Any:
+    """Return a formula that is inlined with all that it calls: what is vectorised has no calls."""
+    return Inlined(function, {})
+
+
+@cache
+def open_names(function: Any) -> frozenset[str]:
+    """Return the open names of a formula and of what it calls."""
+    names: set[str] = set()
+    seen, left = {function}, [function]
+    while left:
+        one = left.pop()
+        inner, known = (one.function, one.names) if isinstance(one, Filled) else (one, {})
+        left += [value for value in known.values() if is_formula(value)]
+        for name in set(inner.__code__.co_names) - known.keys():
+            value = inner.__globals__.get(name)
+            if isinstance(value, Open):
+                names.add(name)
+            elif is_formula(value) and value not in seen:
+                seen.add(value)
+                left.append(value)
+    return frozenset(names)
+
+
+def _filled_inside(value: Any, names: dict[str, Any]) -> Any:
+    """Return what a formula with `names` calls: `value`, with those of the names that are open in it or in these."""
+    inside, left = {}, [value]
+    while left:
+        one = left.pop()
+        for name in names.keys() & open_names(one) - inside.keys() if is_formula(one) else ():
+            inside[name] = names[name]
+            left.append(names[name])
+    return filled(value, inside) if inside else value
 
 
 def plain(function: F) -> F:
@@ -240,11 +424,18 @@ class Variant:
 
     def __call__(self, formula: Any) -> Any:
         """Return a formula, compiled."""
+        if isinstance(formula, Inlined):
+            return self._inlining(Filled(formula.function, formula.names))
         if formula.rounds_products and formula.__name__ in self.instructions:
             return self.instructions[formula.__name__]
         if formula not in self._compiled:
             self._compiled[formula] = self._ways.get(formula.how, self.compiled)(self.copied(formula))
         return self._compiled[formula]
+
+    @cached_property
+    def _inlining(self) -> Variant:
+        compiled = self._ways.get("inlined", self.compiled)
+        return Variant(self.real, compiled, dict(self.features), self.product, self.instructions, self._ways)
 
     def of(self, module: ModuleType) -> Formulas:
         """Return the formulas of a module, compiled when they are first asked for."""
@@ -253,14 +444,18 @@ class Variant:
     def copied(self, formula: Any) -> FunctionType:
         """Return a new copy of a formula or routine in this variant, not compiled; what it calls is."""
         function, names = (formula.function, formula.names) if isinstance(formula, Filled) else (formula, {})
-        known = vars(builtins) | function.__globals__ | names
+        known = vars(builtins) | function.__globals__
         rounded = self.product is not None and function.rounds_products
         code, used, constants = specialised(function, self.features, rounded)
-        if undefined := sorted(used - known.keys() - constants.keys() - {PRODUCT}):
+        if undefined := sorted(used - known.keys() - names.keys() - constants.keys() - {PRODUCT}):
             raise NameError(
                 f"{place(function)}: the formula {function.__name__} uses {undefined[0]}, which is not defined"
             )
-        space = {name: self._within(known[name], function) for name in used & known.keys()}
+        space = {
+            name: self._within(_filled_inside(known[name], names), function)
+            for name in used & (known.keys() - names.keys())
+        }
+        space |= {name: self._within(_filled_inside(names[name], names), function) for name in used & names.keys()}
         space |= {name: self.real(value) for name, value in constants.items()}
         space |= {"__name__": function.__module__, "__builtins__": builtins, PRODUCT: self.product}
         exec(code, space)

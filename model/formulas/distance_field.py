@@ -103,7 +103,7 @@ def entry(numbers, field, ax, ay, az, bx, by, bz, length):
 @formula
 def speed_of(pair):
     """Speed in `settling`."""
-    return pair[0] if FEATURE.in_place else pair
+    return pair[0] if FEATURE.friction_in_place else pair
 
 
 @formula
@@ -137,12 +137,12 @@ def settle(numbers, field, surface, spin, velocity, a, p, v):
         x, y, z = pushed(x, depth, nx), pushed(y, depth, ny), pushed(z, depth, nz)
         cx, cy, cz = cross(sx, sy, sz, x, y, z)
         c, n, before = (ux + cx, uy + cy, uz + cz), (nx, ny, nz), (vx, vy, vz)
-        if FEATURE.bounces:
+        if FEATURE.restitution:
             slow = speed_of(settling)
             vx, vy, vz = rebound(before, c, n, static, dynamic, restitution, slow)
         else:
             vx, vy, vz = respond(before, c, n, static, dynamic)
-        if FEATURE.in_place:
+        if FEATURE.friction_in_place:
             if part == 1.0:  # a path that was cut off has already lost what friction would remove
                 dx, dy, dz = slid(settling[1], (vx, vy, vz), before, n)
                 x, y, z = x + dx, y + dy, z + dz

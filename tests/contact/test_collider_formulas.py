@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from collider_touch import CASES, DT, STEP, numbers_of, scene_of
 
-from softlab.cpu_backend.contact.colliders import make_touches
-from softlab.model.base.variant import plain_formulas
+from softlab.cpu_backend.contact import colliders as kernels
+from softlab.model.base.variant import features_of, plain_formulas
 from softlab.model.contact.sheet_plan import cloth_parts
 from softlab.model.formulas import colliders
 
@@ -142,19 +142,12 @@ def test_settling_is_twice_what_gravity_adds_in_a_step() -> None:
 # ---------------------------------------------------------------------- one mass and one collider
 
 
-class Uncompiled:
-    """Stands for the CPU backend's compiler: functions stay what they are."""
-
-    compiled = inlined = row = kernel = staticmethod(lambda function: function)
-    formulas = staticmethod(plain_formulas)
-
-
 @pytest.mark.parametrize("real", [np.float64, np.float32])
 @pytest.mark.parametrize("name", CASES)
 def test_one_mass_meets_a_collider_on_the_cpu(name: str, real: type) -> None:
     kind, table, met, expected = CASES[name]
     scene = scene_of(kind, table)
-    touch = getattr(make_touches(Uncompiled(), real, cloth_parts(scene)), kind)  # type: ignore[arg-type]
+    touch = getattr(plain_formulas(kernels, real, features_of(cloth_parts(scene))), f"touch_{kind}")
     vectors = [tuple(real(number) for number in vector) for vector in met]
     position, velocity = touch(numbers_of(scene, real), real(STEP * DT), real((STEP + 1) * DT), real(0), *vectors)
     assert [*position, *velocity] == pytest.approx([*expected[0], *expected[1]], abs=1e-6)

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from softlab.app.driver import open_simulation
-from softlab.cpu_backend.contact.surfaces_find import V_INSIDE
+from softlab.cpu_backend.contact.self_find import V_INSIDE
 from softlab.model.contact.self_contact_parameters import MAX_CONTACTS
 from softlab.model.contact.shortfalls import shortfalls
 from softlab.model.contact.surface_parameters import contact_distance, contact_surface

@@ -96,12 +96,12 @@ CPU: tuple[Mistake, ...] = (
         "test_collider_formulas.py",
         {
             "a capsule stays where it began (cpu)": (
-                "def touch_capsule(body, begin, end, slow, a, p, v):\n        cx, cy, cz = point(body, end)",
-                "def touch_capsule(body, begin, end, slow, a, p, v):\n        cx, cy, cz = point(body, begin)",
+                "def touch_capsule(body, begin, end, slow, a, p, v):\n    cx, cy, cz = point(body, end)",
+                "def touch_capsule(body, begin, end, slow, a, p, v):\n    cx, cy, cz = point(body, begin)",
             ),
-            "a collider's static coefficient is its dynamic one (cpu)": ("static, dynamic = zero, zero\n        if has_friction:\n            static, dynamic = body[B_STATIC], body[B_DYNAMIC]\n        u =", "static, dynamic = zero, zero\n        if has_friction:\n            static, dynamic = body[B_DYNAMIC], body[B_DYNAMIC]\n        u ="),
+            "a collider's static coefficient is its dynamic one (cpu)": ("static, dynamic = body[B_STATIC], body[B_DYNAMIC]\n    u =", "static, dynamic = body[B_DYNAMIC], body[B_DYNAMIC]\n    u ="),
             "a mass is pushed out to the surface, not to the thickness (cpu)": ("depth = thickness - distance", "depth = -distance"),
-            "a plane pushes to its other side (cpu)": ("return push(body, slow, distance, (nx, ny, nz), p, v)\n\n    @compiled\n    def touch_sphere", "return push(body, slow, -distance, (nx, ny, nz), p, v)\n\n    @compiled\n    def touch_sphere"),
+            "a plane pushes to its other side (cpu)": ("return push(body, slow, distance, (nx, ny, nz), p, v)\n\n\n@routine\ndef touch_sphere", "return push(body, slow, -distance, (nx, ny, nz), p, v)\n\n\n@routine\ndef touch_sphere"),
         },
     ),
     *in_file(
@@ -191,8 +191,8 @@ GPU: tuple[Mistake, ...] = (
         "gpu_backend/contact/colliders.py",
         "simulator/test_simulated_colliders.py",
         {
-            "a capsule stays where it began (gpu)": ("surface = capsule(\n            p[0] - x, p[1] - y, p[2] - z,", "surface = capsule(\n            p[0] - bodies[at + B_X], p[1] - bodies[at + B_Y], p[2] - bodies[at + B_Z],"),
-            "a collider's static coefficient is its dynamic one (gpu)": ("static, dynamic = bodies[at + B_STATIC], bodies[at + B_DYNAMIC]\n        u =", "static, dynamic = bodies[at + B_DYNAMIC], bodies[at + B_DYNAMIC]\n        u ="),
+            "a capsule stays where it began (gpu)": ("dx, dy, dz = p[0] - x, p[1] - y, p[2] - z\n    ex", "dx, dy, dz = p[0] - bodies[at + B_X], p[1] - bodies[at + B_Y], p[2] - bodies[at + B_Z]\n    ex"),
+            "a collider's static coefficient is its dynamic one (gpu)": ("static, dynamic = bodies[at + B_STATIC], bodies[at + B_DYNAMIC]\n    u =", "static, dynamic = bodies[at + B_DYNAMIC], bodies[at + B_DYNAMIC]\n    u ="),
         },
     ),
     *in_file(
@@ -230,12 +230,12 @@ GPU: tuple[Mistake, ...] = (
     *in_file(
         "cpu_backend/contact/surfaces_find.py",
         "test_cloth_beside.py::test_states_are_the_references",
-        {"a cloth has an inside": ("if inside and (owned[triangle] >> sheet) & 1 != 0:", "if inside and triangle < 0:")},
+        {"a cloth has an inside": ("if inside and (owned[triangle] >> SHEET) & 1 != 0:", "if inside and triangle < 0:")},
     ),
     *in_file(
         "gpu_backend/contact/surfaces_find.py",
         "simulator/test_simulated_bits.py::test_kernels_have_the_bits_of_the_cpu[tetrahedra-on-a-cloth-float32]",
-        {"a cloth has an inside (gpu)": ("if inside and (owned[triangle] >> sheet) & 1 != 0:", "if inside and triangle < 0:")},
+        {"a cloth has an inside (gpu)": ("if inside and (owned[triangle] >> SHEET) & 1 != 0:", "if inside and triangle < 0:")},
     ),
     *in_file(
         "gpu_backend/contact/self_find.py",
@@ -247,20 +247,20 @@ GPU: tuple[Mistake, ...] = (
         "simulator/test_simulated_particle_contacts.py::test_neighbours_are_those_of_asking_all",
         {
             "the hash cell of bodies forgets a row of cells (gpu)": ("for row in range(9):", "for row in range(8):"),
-            "a hash cell's own row is taken for another (gpu)": ("first, end = starts[bucket], np.int32(bucket + three)", "first, end = starts[bucket], np.int32(bucket + three - one)"),
-            "particles below 0 share a cell with those above (gpu)": ("return np.int32(whole - one) if place < real(whole) else whole", "return whole"),
+            "a hash cell's own row is taken for another (gpu)": ("first, end = starts[bucket], np.int32(bucket + THREE)", "first, end = starts[bucket], np.int32(bucket + THREE - ONE)"),
+            "particles below 0 share a cell with those above (gpu)": ("return np.int32(whole - ONE) if place < real(whole) else whole", "return whole"),
         },
     ),
     *in_file(
         "gpu_backend/contact/pins.py",
         "simulator/test_simulated_bits.py::test_kernels_have_the_bits_of_the_cpu[xpbd-driven-float32]",
-        {"pins are where the substep began (gpu)": ("time = instant(number + one, parameters.dt, parameters.first_step, parameters.first_time)\n                x", "time = instant(number, parameters.dt, parameters.first_step, parameters.first_time)\n                x")},
+        {"pins are where the substep began (gpu)": ("time = instant(number + 1, parameters.dt", "time = instant(number, parameters.dt")},
     ),
     *in_file(
         "gpu_backend/contact/particles_project.py",
         "simulator/test_simulated_particle_contacts.py::test_what_is_projected_is_the_references simulator/test_simulated_particle_contacts.py::test_two_in_one_place_part_upwards_and_downwards",
         {
-            "a contact counts from where the particle was (gpu)": ("d = p[0] - q[0], p[1] - q[1], p[2] - q[2]\n                        active", "d = start[0] - q[0], start[1] - q[1], start[2] - q[2]\n                        active"),
+            "a contact counts from where the particle was (gpu)": ("d = p[0] - q[0], p[1] - q[1], p[2] - q[2]\n                    active", "d = start[0] - q[0], start[1] - q[1], start[2] - q[2]\n                    active"),
             "who goes down is decided anew (gpu)": ("direction(d[0], d[1], d[2], distance, i < j)", "direction(d[0], d[1], d[2], distance, True)"),
         },
     ),

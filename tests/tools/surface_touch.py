@@ -23,7 +23,7 @@ def touch_by(
     scene = Scene({"cloth": {"rows": 2, "columns": 2}, kind: part.model_dump()})
     numbers = collider_numbers(scene, real)
     row = numbers[:COLLIDER_FIELDS]
-    made = plain_formulas(formulas, real, {"in_place": in_place})
+    made = plain_formulas(formulas, real, {"friction_in_place": in_place})
 
     def touched(begin: float, end: float, before: Any, position: Any, velocity: Any) -> tuple[np.ndarray, np.ndarray]:
         vectors = [tuple(real(x) for x in vector) for vector in (before, position, velocity)]
