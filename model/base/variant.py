@@ -31,7 +31,7 @@ import inspect
 import operator
 from collections.abc import Callable, Iterable, Mapping
 from difflib import get_close_matches
-from functools import cache
+from functools import cache, cached_property
 from threading import Lock
 from types import CodeType, FunctionType, ModuleType
 from typing import Any, TypeVar
@@ -59,15 +59,19 @@ FEATURES = {  # what a variant may have and a formula may ask for
     "colliders": "there are colliders",
     "corners": "number of corners of an attachment",
     "damped": "there is a damper",
+    "damping": "air damps the motion of particles",
     "fast": "fast math, sums in any order",
     "friction": "contacts have friction",
+    "gravity": "there is gravity",
     "in_place": "friction acts within the iterations",
     "levers": "friction of surfaces acts at the vertex, and turns triangles",
     "linear": "one linearised step of implicit Euler",
     "load": "masses differ",
     "material": "number of the elastic energy",
     "motion": "pins follow a motion",
+    "particle_forces": "forces act on single particles",
     "per_constraint": "each constraint has its own compliance",
+    "region": "masses from the middle of a window to its edge",
     SINGLE: "float32",
     "soft": "constraints have a compliance",
     "springs": "attachments are springs",
@@ -177,11 +181,20 @@ class Filled:
         return hash(self._key)
 
 
+class Inlined(Filled):
+    """A formula that is inlined with all that it calls."""
+
+
 def filled(function: Any, names: dict[str, Any]) -> Any:
     """Return a formula with formulas in the place of the open `names` of it and of what it calls."""
     if isinstance(function, Filled):
         function, names = function.function, {**names, **function.names}
     return Filled(function, names)
+
+
+def inlined_throughout(function: Any) -> Any:
+    """Return a formula that is inlined with all that it calls: what is vectorised has no calls."""
+    return Inlined(function, {})
 
 
 @cache
@@ -239,11 +252,18 @@ class Variant:
 
     def __call__(self, formula: Any) -> Any:
         """Return a formula, compiled."""
+        if isinstance(formula, Inlined):
+            return self._inlining(formula.function)
         if formula.rounds_products and formula.__name__ in self.instructions:
             return self.instructions[formula.__name__]
         if formula not in self._compiled:
             self._compiled[formula] = self._ways.get(formula.how, self.compiled)(self.copied(formula))
         return self._compiled[formula]
+
+    @cached_property
+    def _inlining(self) -> Variant:
+        compiled = self._ways.get("inlined", self.compiled)
+        return Variant(self.real, compiled, dict(self.features), self.product, self.instructions, self._ways)
 
     def of(self, module: ModuleType) -> Formulas:
         """Return the formulas of a module, compiled when they are first asked for."""
