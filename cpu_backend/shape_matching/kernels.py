@@ -17,7 +17,7 @@ import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
-from softlab.cpu_backend.shape_matching.motions import FRAME, make_frames
+from softlab.cpu_backend.shape_matching.motions import FRAME, frame_of, store_matrix
 from softlab.cpu_backend.shape_matching.shapes import ENTRIES, make_shapes
 from softlab.model.base.types import Real
 from softlab.model.formulas import rotation as formulas_of_rotation
@@ -121,7 +121,7 @@ def make_turn(compiler: Compiler, real: Real, shaping: frozenset[str]) -> Callab
         make_shapes(compiler, real, shaping, AXES),
     )
     prepare, finish, zero, one = shapes.prepare, shapes.finish, real(0), real(1)
-    store_matrix = make_frames(compiler).store_matrix
+    store = compiler.variant_of(real)(store_matrix)
 
     @compiler.row
     def raise_rows(rest_offset, sums):
@@ -179,7 +179,7 @@ def make_turn(compiler: Compiler, real: Real, shaping: frozenset[str]) -> Callab
             new_rotation[2 * clusters + c] = y
             new_rotation[3 * clusters + c] = z
             frame = row_at(frames, np.int64(FRAME * c))
-            store_matrix(frame, *finish(c, n, arrays, maps, matrix_of(w, x, y, z)))
+            store(frame, *finish(c, n, arrays, maps, matrix_of(w, x, y, z)))
             for axis in range(AXES):
                 frame[9 + axis] = centre(
                     position[axis * count + k], sums[axis * LANES + n], centres[4 * c + 3], frame[3 * axis],
@@ -213,7 +213,7 @@ def make_goals(compiler: Compiler, real: Real, has_rigid: bool) -> SimpleNamespa
     formulas = compiler.formulas(cluster, real)
     goal, displacement_added, arrived = formulas.goal, formulas.displacement_added, formulas.arrived
     settled, zero = compiler.formulas(rigid, real).settled, real(0)
-    frame_of = make_frames(compiler).frame_of
+    frame_at = compiler.variant_of(real)(frame_of)
 
     @compiler.row
     def move_rows(blocks, frame, factor, least, rest_x, rest_y, rest_z, x, y, z):
@@ -234,7 +234,7 @@ def make_goals(compiler: Compiler, real: Real, has_rigid: bool) -> SimpleNamespa
         start, entries, first = starts[c], members.size // 4, np.int64(firsts[c])
         slack = travel[AXES * count + first] if has_rigid else zero
         move_rows(
-            (starts[c + 1] - start) // LANES, frame_of(frames, c), factors[start], slack,
+            (starts[c + 1] - start) // LANES, frame_at(frames, c), factors[start], slack,
             row_at(members, start), row_at(members, entries + start), row_at(members, 2 * entries + start),
             row_at(position, first), row_at(position, count + first), row_at(position, 2 * count + first),
         )  # fmt: skip
@@ -246,7 +246,7 @@ def make_goals(compiler: Compiler, real: Real, has_rigid: bool) -> SimpleNamespa
             px, py, pz = position[k], position[count + k], position[2 * count + k]
             x, y, z = zero, zero, zero
             for n in range(starts[k], starts[k + 1]):
-                frame, factor = frame_of(frames, clusters[n]), factors[n]
+                frame, factor = frame_at(frames, clusters[n]), factors[n]
                 a, b, c = rests[3 * n], rests[3 * n + 1], rests[3 * n + 2]
                 x = displacement_added(x, factor, goal(frame.x, frame.xx, frame.xy, frame.xz, a, b, c), px)
                 y = displacement_added(y, factor, goal(frame.y, frame.yx, frame.yy, frame.yz, a, b, c), py)

@@ -20,7 +20,7 @@ from softlab.cpu_backend.shape_matching.bodies_bounce import make_bodies_bounce
 from softlab.cpu_backend.shape_matching.couples import make_couples
 from softlab.cpu_backend.shape_matching.damping import make_damping
 from softlab.cpu_backend.shape_matching.kernels import AXES, SCRATCH, make_matching
-from softlab.cpu_backend.shape_matching.lattice import make_lattice_matching
+from softlab.cpu_backend.shape_matching.lattice import match_all, move_all
 from softlab.cpu_backend.shape_matching.particles import make_particles
 from softlab.cpu_backend.shape_matching.rebound import make_rebound
 from softlab.cpu_backend.shape_matching.rigid import make_rest, make_steadying
@@ -153,8 +153,8 @@ def make_bodies_together(real: Real, math: str, parts: frozenset[str]) -> Callab
     has_couples = "couples" in parts
     clear = make_clear(compiler)
     take_out = make_project(real, math, "contact-friction" in parts, "contact-adhesion" in parts, keeps, has_couples)
-    windows, has_lattices = make_lattice_matching(real, math), "lattices" in parts
-    match_windows, move_windows = windows.match, windows.move
+    windows, has_lattices = compiler.variant_of(real), "lattices" in parts
+    match_windows, move_windows = windows(match_all), windows(move_all)
     end = make_substep_end(compiler, real, math, parts)
     at_once = not parts & {
         "contacts",
