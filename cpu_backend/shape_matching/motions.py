@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
 from typing import NamedTuple
 
 import numpy as np
 
-from softlab.cpu_backend.core.compile import Compiler
-from softlab.model.base.types import Real
 from softlab.model.base.variant import inlined_routine, inlined_throughout, routine
 from softlab.model.formulas.rotation import matrix_of, rotation_3d_near
 from softlab.model.formulas.shape_matching.pace import MOTION
@@ -90,10 +87,3 @@ def store_matrix(frame, xx, xy, xz, yx, yy, yz, zx, zy, zz):
     store_row(frame, 0, xx, xy, xz)
     store_row(frame, 1, yx, yy, yz)
     store_row(frame, 2, zx, zy, zz)
-
-
-def make_motions(compiler: Compiler, real: Real) -> SimpleNamespace:
-    """Make `motion_of(motions, c)`, the Motion of cluster c, and `velocity_at(motion, x, y, z)`, the velocity of a
-    particle there that moves with its cluster."""
-    compiled = compiler.variant_of(real)
-    return SimpleNamespace(motion_of=compiled(motion_of), velocity_at=compiled(velocity_at))

@@ -26,6 +26,7 @@ from softlab.model.base.variant import (
     filled,
     formula,
     inlined_routine,
+    inlined_throughout,
     instruction,
     integer_formula,
     is_formula,
@@ -351,3 +352,27 @@ def test_the_plain_equivalent_of_an_instruction_is_called_as_it_is() -> None:
     compiled: list[str] = []
     Variant(np.float64, lambda function: compiled.append(function.__name__) or function).copied(stores)(values)
     assert values[1] == 7 and not compiled
+
+
+nearly = inlined_throughout(ended_and_halved)
+
+
+@routine
+def stores_nearly(values):
+    values[0] = nearly(values[0]) + halved(values[0])
+
+
+def test_a_formula_is_inlined_with_all_that_it_calls() -> None:
+    """And compiled as usual where it is called by its own name."""
+    compiled: list[str] = []
+
+    def way(name: str) -> Any:
+        return lambda function: compiled.append(f"{function.__name__} {name}") or function
+
+    variant = Variant(np.float64, way("compiled"), ways={"inlined": way("inlined")})
+    values, names = np.array([3.0]), {"end": third}
+    variant.copied(filled(stores_nearly, names))(values)
+    assert values[0] == halved(filled(ended, names)(3.0)) + halved(3.0)
+    assert sorted(compiled) == [
+        "ended inlined", "ended_and_halved inlined", "halved compiled", "halved inlined", "third inlined",
+    ]  # fmt: skip
