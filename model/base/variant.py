@@ -203,9 +203,10 @@ class Inlined(Filled):
 
 def filled(function: Any, names: dict[str, Any]) -> Any:
     """Return a formula with formulas in the place of the open `names` of it and of what it calls."""
+    kind = Filled
     if isinstance(function, Filled):
-        function, names = function.function, {**names, **function.names}
-    return Filled(function, names)
+        kind, function, names = type(function), function.function, {**names, **function.names}
+    return kind(function, names)
 
 
 def inlined_throughout(function: Any) -> Any:
@@ -269,7 +270,7 @@ class Variant:
     def __call__(self, formula: Any) -> Any:
         """Return a formula, compiled."""
         if isinstance(formula, Inlined):
-            return self._inlining(formula.function)
+            return self._inlining(Filled(formula.function, formula.names))
         if formula.rounds_products and formula.__name__ in self.instructions:
             return self.instructions[formula.__name__]
         if formula not in self._compiled:
