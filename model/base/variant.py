@@ -80,6 +80,7 @@ FEATURES = {  # what a variant may have and a formula may ask for
     "pairs": "rebounds are limited by both bodies of a pair",
     "particle_forces": "forces act on single particles",
     "per_constraint": "each constraint has its own compliance",
+    "pins": "there are pinned masses",
     "plastic": "clusters keep strains",
     "rates_apart": "velocities are computed before colliders act",
     "region": "masses from the middle of a window to its edge",
@@ -87,11 +88,15 @@ FEATURES = {  # what a variant may have and a formula may ask for
     "rigid_bounce": "rigid bodies rebound from one another",
     "rigid_motion": "there are rigid bodies",
     "rigid_rebound": "rigid bodies rebound from colliders",
+    "scaled": "impulses are scaled by the response of both bodies",
     SINGLE: "float32",
+    "sleeping": "slow particles rest",
     "soft": "constraints have a compliance",
     "spare": "copies of bodies wait to be added",
+    "speed_limit": "particles have a speed limit",
     "springs": "attachments are springs",
     "two_stages": "a substep has two solves",
+    "upwards": "a scan is along z, not y",
 }
 
 
