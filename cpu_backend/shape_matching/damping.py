@@ -16,15 +16,7 @@ from softlab.cpu_backend.shape_matching.motions import motion_of
 from softlab.model.base.types import Real
 from softlab.model.base.variant import filled, routine, row_routine
 from softlab.model.formulas.shape_matching.cluster import LANES
-from softlab.model.formulas.shape_matching.pace import (
-    MOMENTA,
-    MOTION,
-    added,
-    cross_added,
-    motion,
-    slowed,
-    weighted,
-)
+from softlab.model.formulas.shape_matching.pace import MOMENTA, MOTION, added, cross_added, motion, slowed, weighted
 
 
 @row_routine

@@ -12,13 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from softlab.cpu_backend.core.layout import row_at
-from softlab.cpu_backend.shape_matching.motions import (
-    FRAME,
-    frame_of,
-    matrix_of_rotation,
-    near_rotation,
-    store_matrix,
-)
+from softlab.cpu_backend.shape_matching.motions import FRAME, frame_of, matrix_of_rotation, near_rotation, store_matrix
 from softlab.cpu_backend.shape_matching.shapes import AXES, ENTRIES, finish, prepare
 from softlab.model.base.variant import FEATURE, Open, filled, inlined_routine, routine, row_routine
 from softlab.model.formulas.rotation import rotation_3d_far

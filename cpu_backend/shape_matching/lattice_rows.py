@@ -16,14 +16,7 @@ from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.shape_matching.matching_rows import clear as clear_row
 from softlab.cpu_backend.shape_matching.matching_rows import copy as copy_row
 from softlab.model.base.variant import Open, real, routine, row_routine
-from softlab.model.formulas.shape_matching.lattice import (
-    added_goal,
-    added_turn,
-    ended,
-    part_of,
-    part_of_row,
-    shifted,
-)
+from softlab.model.formulas.shape_matching.lattice import added_goal, added_turn, ended, part_of, part_of_row, shifted
 from softlab.model.formulas.shape_matching.lattice import lever as lever_of
 
 LINE, SLICE, WINDOW = 6, 9, 12  # sums over a row, a slice and a whole window: differences and turns, three each

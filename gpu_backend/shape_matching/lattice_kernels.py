@@ -18,16 +18,7 @@ from numba import cuda
 from softlab.gpu_backend.core.compile import kernels_of, variant_name
 from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.quads import load_quad, store_quad
-from softlab.model.assets.lattice import (
-    T_CENTRE,
-    T_COUNT,
-    T_INVERSE,
-    T_MASS,
-    T_WEIGHT,
-    V_MATCHING,
-    V_SPACING,
-    V_TURN,
-)
+from softlab.model.assets.lattice import T_CENTRE, T_COUNT, T_INVERSE, T_MASS, T_WEIGHT, V_MATCHING, V_SPACING, V_TURN
 from softlab.model.base.types import Real
 from softlab.model.base.variant import FEATURE, real, routine
 from softlab.model.formulas.rotation import matrix_of, rotation_3d
