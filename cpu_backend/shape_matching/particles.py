@@ -48,9 +48,9 @@ def particle_routines(compiler: Compiler, real: Real, parts: frozenset[str]) -> 
 
 
 @routine
-def travels_at(travel, k):
-    """Return the travels from place `k` on; without rigid bodies an array that is not read."""
-    return row_at(travel, k if FEATURE.rigid_motion else np.int64(0))
+def travel_place(k):
+    """Return place `k` of the travels; without rigid bodies 0, of an array that is not read."""
+    return k if FEATURE.rigid_motion else np.int64(0)
 
 
 @row_routine
@@ -96,8 +96,8 @@ def begin(first, last, count, before, after, velocity, weights, parameters, inte
         (last - first) // LANES, first, integers, parameters, row_at(weights, first), row_at(before, first),
         row_at(before, count + first), row_at(before, 2 * count + first), row_at(velocity, first),
         row_at(velocity, count + first), row_at(velocity, 2 * count + first), row_at(after, first),
-        row_at(after, count + first), row_at(after, 2 * count + first), travels_at(travel, first),
-        travels_at(travel, count + first), travels_at(travel, 2 * count + first),
+        row_at(after, count + first), row_at(after, 2 * count + first), row_at(travel, travel_place(first)),
+        row_at(travel, travel_place(count + first)), row_at(travel, travel_place(2 * count + first)),
     )  # fmt: skip
 
 
@@ -139,8 +139,8 @@ def rate(first, last, count, before, after, velocity, weights, parameters, trave
         (last - first) // LANES, parameters, row_at(weights, first), row_at(before, first), row_at(before, count + first),
         row_at(before, 2 * count + first), row_at(after, first), row_at(after, count + first),
         row_at(after, 2 * count + first), row_at(velocity, first), row_at(velocity, count + first),
-        row_at(velocity, 2 * count + first), travels_at(travel, first), travels_at(travel, count + first),
-        travels_at(travel, 2 * count + first), travels_at(travel, 3 * count + first),
+        row_at(velocity, 2 * count + first), row_at(travel, travel_place(first)), row_at(travel, travel_place(count + first)),
+        row_at(travel, travel_place(2 * count + first)), row_at(travel, travel_place(3 * count + first)),
     )  # fmt: skip
 
 
