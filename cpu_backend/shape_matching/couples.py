@@ -5,144 +5,119 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from types import SimpleNamespace
 
 import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.core.progress import assigned
-from softlab.cpu_backend.shape_matching.damping import make_lane_sum
+from softlab.cpu_backend.shape_matching.kernels import lane_sum
 from softlab.model.base.types import Real
-from softlab.model.formulas.shape_matching import couple, pace, rigid
+from softlab.model.base.variant import FEATURE, features_of, routine, row_routine
 from softlab.model.formulas.shape_matching.cluster import LANES
-from softlab.model.formulas.shape_matching.couple import SPIN, SUMS
+from softlab.model.formulas.shape_matching.couple import SPIN, SUMS, cross_added, gone, spin
+from softlab.model.formulas.shape_matching.pace import added, weighted
+from softlab.model.formulas.shape_matching.rigid import carried
 
 
-def make_couples(compiler: Compiler, real: Real, parts: frozenset[str]) -> SimpleNamespace:
-    """Make `gather(c, position, count, arrays, scratch)`, the turn of cluster c, and `turn(first, last, position,
-    travel, weights, count, arrays)`, which moves particles and zeroes their couples. Both do nothing unless `parts` has
-    couples."""
-    if "couples" not in parts:
-        return _without(compiler)
-    formulas, masses = compiler.formulas(couple, real), compiler.formulas(pace, real)
-    sum_of, carried = make_lane_sum(compiler, real), compiler.formulas(rigid, real).carried
-    weighted, added, spin, cross_added, gone = (
-        masses.weighted,
-        masses.added,
-        formulas.spin,
-        formulas.cross_added,
-        formulas.gone,
-    )
-    has_rigid, zero = "rigid-motion" in parts, real(0)
-
-    @compiler.row
-    def couple_rows(blocks, x0, y0, z0, slots, x, y, z, cx, cy, cz, mass, lanes):
-        for n in range(SUMS * LANES):
-            lanes[n] = zero
-        for block in range(blocks):
-            for lane in range(LANES):
-                e = block * LANES + lane
-                k, m = slots[e], mass[e]
-                dx, dy, dz = x[k] - x0, y[k] - y0, z[k] - z0
-                wx, wy, wz = weighted(m, x[k], x0), weighted(m, y[k], y0), weighted(m, z[k], z0)
-                lanes[lane] = lanes[lane] + wx
-                lanes[LANES + lane] = lanes[LANES + lane] + wy
-                lanes[2 * LANES + lane] = lanes[2 * LANES + lane] + wz
-                lanes[3 * LANES + lane] = added(lanes[3 * LANES + lane], m, cx[k])
-                lanes[4 * LANES + lane] = added(lanes[4 * LANES + lane], m, cy[k])
-                lanes[5 * LANES + lane] = added(lanes[5 * LANES + lane], m, cz[k])
-                lanes[6 * LANES + lane] = added(lanes[6 * LANES + lane], wx, dx)
-                lanes[7 * LANES + lane] = added(lanes[7 * LANES + lane], wy, dy)
-                lanes[8 * LANES + lane] = added(lanes[8 * LANES + lane], wz, dz)
-                lanes[9 * LANES + lane] = added(lanes[9 * LANES + lane], wx, dy)
-                lanes[10 * LANES + lane] = added(lanes[10 * LANES + lane], wx, dz)
-                lanes[11 * LANES + lane] = added(lanes[11 * LANES + lane], wy, dz)
-
-    @compiler.compiled
-    def is_coupled(c, count, arrays):
-        starts, slots, couples = arrays.couples.entries.starts, arrays.couples.entries.slots, arrays.couples.sums
-        for e in range(starts[c], starts[c + 1]):
-            k = slots[e]
-            if couples[k] != zero or couples[count + k] != zero or couples[2 * count + k] != zero:
-                return True
-        return False
-
-    @compiler.compiled
-    def gather(c, position, count, arrays, scratch):
-        spins, n = arrays.couples.spins, SPIN * c
-        if not is_coupled(c, count, arrays):
-            for number in range(SPIN):
-                spins[n + number] = zero
-            return
-        couples, entries = arrays.couples.sums, arrays.couples.entries
-        starts, slots, members = entries.starts, entries.slots, entries.members
-        start, masses, k = starts[c], 3 * (members.size // 4), np.int64(entries.firsts[c])
-        x, y, z = position[k], position[count + k], position[2 * count + k]
-        couple_rows(
-            (starts[c + 1] - start) // LANES, x, y, z, row_at(slots, start), position, row_at(position, count),
-            row_at(position, 2 * count), couples, row_at(couples, count), row_at(couples, 2 * count),
-            row_at(members, masses + start), scratch,
-        )  # fmt: skip
-        spins[n], spins[n + 1], spins[n + 2], spins[n + 3], spins[n + 4], spins[n + 5] = spin(
-            (sum_of(scratch, 0), sum_of(scratch, 1), sum_of(scratch, 2)),
-            (sum_of(scratch, 3), sum_of(scratch, 4), sum_of(scratch, 5)),
-            (sum_of(scratch, 6), sum_of(scratch, 7), sum_of(scratch, 8), sum_of(scratch, 9), sum_of(scratch, 10),
-             sum_of(scratch, 11)),
-            entries.centres[4 * c + 3], (x, y, z),
-        )  # fmt: skip
-
-    @compiler.compiled
-    def turn(first, last, position, travel, weights, count, arrays):
-        starts, clusters, cluster_weights, spins, couples, _ = arrays.couples
-        for i in range(first, last):
-            j, k = count + i, 2 * count + i
-            couples[i], couples[j], couples[k] = zero, zero, zero
-            if weights[i] == zero:
-                continue
-            x, y, z = zero, zero, zero
-            for n in range(starts[i], starts[i + 1]):
-                g, weight = row_at(spins, np.int64(SPIN) * clusters[n]), cluster_weights[n]
-                dx, dy, dz = position[i] - g[0], position[j] - g[1], position[k] - g[2]
-                x = cross_added(x, weight, g[4], dz, g[5], dy)
-                y = cross_added(y, weight, g[5], dx, g[3], dz)
-                z = cross_added(z, weight, g[3], dy, g[4], dx)
-            x, y, z = gone(position[i], x), gone(position[j], y), gone(position[k], z)
-            if has_rigid:
-                travel[i], travel[j] = carried(travel[i], x, position[i]), carried(travel[j], y, position[j])
-                travel[k] = carried(travel[k], z, position[k])
-            position[i], position[j], position[k] = x, y, z
-
-    return SimpleNamespace(gather=gather, turn=turn)
+@row_routine
+def couple_rows(blocks, x0, y0, z0, slots, x, y, z, cx, cy, cz, mass, lanes):
+    for n in range(SUMS * LANES):
+        lanes[n] = 0.0
+    for block in range(blocks):
+        for lane in range(LANES):
+            e = block * LANES + lane
+            k, m = slots[e], mass[e]
+            dx, dy, dz = x[k] - x0, y[k] - y0, z[k] - z0
+            wx, wy, wz = weighted(m, x[k], x0), weighted(m, y[k], y0), weighted(m, z[k], z0)
+            lanes[lane] = lanes[lane] + wx
+            lanes[LANES + lane] = lanes[LANES + lane] + wy
+            lanes[2 * LANES + lane] = lanes[2 * LANES + lane] + wz
+            lanes[3 * LANES + lane] = added(lanes[3 * LANES + lane], m, cx[k])
+            lanes[4 * LANES + lane] = added(lanes[4 * LANES + lane], m, cy[k])
+            lanes[5 * LANES + lane] = added(lanes[5 * LANES + lane], m, cz[k])
+            lanes[6 * LANES + lane] = added(lanes[6 * LANES + lane], wx, dx)
+            lanes[7 * LANES + lane] = added(lanes[7 * LANES + lane], wy, dy)
+            lanes[8 * LANES + lane] = added(lanes[8 * LANES + lane], wz, dz)
+            lanes[9 * LANES + lane] = added(lanes[9 * LANES + lane], wx, dy)
+            lanes[10 * LANES + lane] = added(lanes[10 * LANES + lane], wx, dz)
+            lanes[11 * LANES + lane] = added(lanes[11 * LANES + lane], wy, dz)
 
 
-def _without(compiler: Compiler) -> SimpleNamespace:
-    @compiler.compiled
-    def gather(c, position, count, arrays, scratch):
-        pass
+@routine
+def is_coupled(c, count, arrays):
+    """Return True if a particle of cluster `c` has a couple."""
+    starts, slots, couples = arrays.couples.entries.starts, arrays.couples.entries.slots, arrays.couples.sums
+    for e in range(starts[c], starts[c + 1]):
+        k = slots[e]
+        if couples[k] != 0.0 or couples[count + k] != 0.0 or couples[2 * count + k] != 0.0:
+            return True
+    return False
 
-    @compiler.compiled
-    def turn(first, last, position, travel, weights, count, arrays):
-        pass
 
-    return SimpleNamespace(gather=gather, turn=turn)
+@routine
+def gather_couples(c, position, count, arrays, scratch):
+    """Write the turn of cluster `c`."""
+    spins, n = arrays.couples.spins, SPIN * c
+    if not is_coupled(c, count, arrays):
+        for number in range(SPIN):
+            spins[n + number] = 0.0
+        return
+    couples, entries = arrays.couples.sums, arrays.couples.entries
+    starts, slots, members = entries.starts, entries.slots, entries.members
+    start, masses, k = starts[c], 3 * (members.size // 4), np.int64(entries.firsts[c])
+    x, y, z = position[k], position[count + k], position[2 * count + k]
+    couple_rows(
+        (starts[c + 1] - start) // LANES, x, y, z, row_at(slots, start), position, row_at(position, count),
+        row_at(position, 2 * count), couples, row_at(couples, count), row_at(couples, 2 * count),
+        row_at(members, masses + start), scratch,
+    )  # fmt: skip
+    spins[n], spins[n + 1], spins[n + 2], spins[n + 3], spins[n + 4], spins[n + 5] = spin(
+        (lane_sum(scratch, 0), lane_sum(scratch, 1), lane_sum(scratch, 2)),
+        (lane_sum(scratch, 3), lane_sum(scratch, 4), lane_sum(scratch, 5)),
+        (lane_sum(scratch, 6), lane_sum(scratch, 7), lane_sum(scratch, 8), lane_sum(scratch, 9), lane_sum(scratch, 10),
+         lane_sum(scratch, 11)),
+        entries.centres[4 * c + 3], (x, y, z),
+    )  # fmt: skip
+
+
+@routine
+def turn_particles(first, last, position, travel, weights, count, arrays):
+    """Turn particles with their clusters and set their couples to 0."""
+    starts, clusters, cluster_weights, spins, couples, _ = arrays.couples
+    for i in range(first, last):
+        j, k = count + i, 2 * count + i
+        couples[i], couples[j], couples[k] = 0.0, 0.0, 0.0
+        if weights[i] == 0.0:
+            continue
+        x, y, z = 0.0, 0.0, 0.0
+        for n in range(starts[i], starts[i + 1]):
+            g, weight = row_at(spins, np.int64(SPIN) * clusters[n]), cluster_weights[n]
+            dx, dy, dz = position[i] - g[0], position[j] - g[1], position[k] - g[2]
+            x = cross_added(x, weight, g[4], dz, g[5], dy)
+            y = cross_added(y, weight, g[5], dx, g[3], dz)
+            z = cross_added(z, weight, g[3], dy, g[4], dx)
+        x, y, z = gone(position[i], x), gone(position[j], y), gone(position[k], z)
+        if FEATURE.rigid_motion:
+            travel[i], travel[j] = carried(travel[i], x, position[i]), carried(travel[j], y, position[j])
+            travel[k] = carried(travel[k], z, position[k])
+        position[i], position[j], position[k] = x, y, z
+
+
+@routine
+def turn(team, member, bands, position, travel, weights, count, arrays, scratch, pitch):
+    """Turn all clusters, then all particles; `pitch`: numbers in a band's scratch."""
+    clusters = arrays.couples.entries.centres.size // 4
+    for band in assigned(team, member, bands):
+        band_scratch = row_at(scratch, np.int64(pitch * band))
+        for c in range(clusters * band // bands, clusters * (band + 1) // bands):
+            gather_couples(c, position, count, arrays, band_scratch)
+    for band in assigned(team, member, bands):
+        turn_particles(count * band // bands, count * (band + 1) // bands, position, travel, weights, count, arrays)
 
 
 @cache
 def make_couples_stage(real: Real, math: str, parts: frozenset[str]) -> Callable:
-    """Compile turn(bands, position, travel, weights, count, arrays, scratch, pitch): all clusters, then all particles,
-    one parallel loop each; `pitch`: numbers in a band's scratch."""
+    """Compile turn(bands, position, travel, weights, count, arrays, scratch, pitch)."""
     compiler = Compiler(f"bodies_couples_{np.dtype(real).name}_{math}{'_rigid' * ('rigid-motion' in parts)}", math)
-    functions = make_couples(compiler, real, parts)
-    gather, turn_some = functions.gather, functions.turn
-
-    def turn(team, member, bands, position, travel, weights, count, arrays, scratch, pitch):
-        clusters = arrays.couples.entries.centres.size // 4
-        for band in assigned(team, member, bands):
-            band_scratch = row_at(scratch, np.int64(pitch * band))
-            for c in range(clusters * band // bands, clusters * (band + 1) // bands):
-                gather(c, position, count, arrays, band_scratch)
-        for band in assigned(team, member, bands):
-            turn_some(count * band // bands, count * (band + 1) // bands, position, travel, weights, count, arrays)
-
-    return compiler.team(turn)
+    return compiler.team(compiler.variant_of(real, features_of(parts & {"rigid-motion"})).copied(turn))

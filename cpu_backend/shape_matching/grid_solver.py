@@ -89,7 +89,7 @@ class ShapeMatching(RowsSimulation):
     def _fused(self) -> Executor:
         rows, region, layout = self.body.rows, self.scene.method.region, self._layout
         self._bounds = np.array([rows * k // self._bands for k in range(self._bands + 1)], np.int64)
-        self._band_size, self._place_after = scratch_places(region).count * layout.stride, np.zeros(1, np.int64)
+        self._band_size, self._place_after = scratch_places(region)["COUNT"] * layout.stride, np.zeros(1, np.int64)
         self._scratch = aligned_zeros(self._bands * self._band_size, self.real)
         wide = np.zeros((TABLE, layout.stride), self.real)
         wide[:, : layout.columns] = self._tables[1]

@@ -9,22 +9,27 @@ result does not depend on the thread of a part, nor on the number of parts.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import cache
-from types import SimpleNamespace
-
 import numpy as np
 
-from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
-from softlab.cpu_backend.shape_matching.motions import FRAME, make_frames
-from softlab.cpu_backend.shape_matching.shapes import ENTRIES, make_shapes
-from softlab.model.base.types import Real
-from softlab.model.formulas import rotation as formulas_of_rotation
-from softlab.model.formulas.shape_matching import cluster, rigid
-from softlab.model.formulas.shape_matching.cluster import LANES, MOMENTS
+from softlab.cpu_backend.shape_matching.motions import FRAME, frame_of, matrix_of_rotation, near_rotation, store_matrix
+from softlab.cpu_backend.shape_matching.shapes import AXES, ENTRIES, finish, prepare
+from softlab.model.base.variant import FEATURE, Open, filled, inlined_routine, routine, row_routine
+from softlab.model.formulas.rotation import rotation_3d_far
+from softlab.model.formulas.shape_matching.cluster import (
+    LANES,
+    MOMENTS,
+    added,
+    arrived,
+    centre,
+    corrected,
+    displacement_added,
+    goal,
+    total,
+    weighted,
+)
+from softlab.model.formulas.shape_matching.rigid import settled
 
-AXES = 3
 QUATERNION = 4
 # rows of a band's scratch, LANES numbers each: the lanes of a cluster's moments, the moments of LANES clusters, their
 # rest offsets, their old rotations, the new ones and whether those converged, their linear maps
@@ -34,240 +39,207 @@ AT_NEW = AT_OLD + QUATERNION
 AT_MAPS = AT_NEW + QUATERNION + 1
 SCRATCH = AT_MAPS + ENTRIES
 
-
-def make_moments(compiler: Compiler, real: Real) -> Callable:
-    """Make sum_up(c, place, position, count, arrays, scratch): the moments of cluster c, into column `place` of the
-    scratch."""
-    formulas, zero = compiler.formulas(cluster, real), real(0)
-    weighted, added, total = formulas.weighted, formulas.added, formulas.total
-
-    def make_sum(gathers: bool) -> Callable:
-        def sum_rows(blocks, first_x, first_y, first_z, slots, x, y, z, rest_x, rest_y, rest_z, mass, lanes):
-            for row in range(MOMENTS * LANES):
-                lanes[row] = zero
-            for block in range(blocks):
-                for lane in range(LANES):
-                    e = block * LANES + lane
-                    k = slots[e] if gathers else e
-                    wx, wy = weighted(mass[e], x[k], first_x), weighted(mass[e], y[k], first_y)
-                    wz = weighted(mass[e], z[k], first_z)
-                    lanes[lane] = lanes[lane] + wx
-                    lanes[LANES + lane] = lanes[LANES + lane] + wy
-                    lanes[2 * LANES + lane] = lanes[2 * LANES + lane] + wz
-                    lanes[3 * LANES + lane] = added(lanes[3 * LANES + lane], wx, rest_x[e])
-                    lanes[4 * LANES + lane] = added(lanes[4 * LANES + lane], wx, rest_y[e])
-                    lanes[5 * LANES + lane] = added(lanes[5 * LANES + lane], wx, rest_z[e])
-                    lanes[6 * LANES + lane] = added(lanes[6 * LANES + lane], wy, rest_x[e])
-                    lanes[7 * LANES + lane] = added(lanes[7 * LANES + lane], wy, rest_y[e])
-                    lanes[8 * LANES + lane] = added(lanes[8 * LANES + lane], wy, rest_z[e])
-                    lanes[9 * LANES + lane] = added(lanes[9 * LANES + lane], wz, rest_x[e])
-                    lanes[10 * LANES + lane] = added(lanes[10 * LANES + lane], wz, rest_y[e])
-                    lanes[11 * LANES + lane] = added(lanes[11 * LANES + lane], wz, rest_z[e])
-
-        sum_rows.__name__ = "gather_rows" if gathers else "sum_rows"
-        return compiler.row(sum_rows)
-
-    sum_rows, gather_rows = make_sum(False), make_sum(True)
-
-    @compiler.row
-    def add_lanes(lanes, sums):
-        for n in range(MOMENTS):
-            k = n * LANES
-            sums[k] = total((
-                lanes[k], lanes[k + 1], lanes[k + 2], lanes[k + 3], lanes[k + 4], lanes[k + 5], lanes[k + 6],
-                lanes[k + 7], lanes[k + 8], lanes[k + 9], lanes[k + 10], lanes[k + 11], lanes[k + 12], lanes[k + 13],
-                lanes[k + 14], lanes[k + 15],
-            ))  # fmt: skip
-
-    @compiler.compiled
-    def sum_up(c, place, position, count, arrays, scratch):
-        starts, firsts, straight, slots, members = (
-            arrays.starts,
-            arrays.firsts,
-            arrays.straight,
-            arrays.slots,
-            arrays.members,
-        )
-        start, blocks, entries = starts[c], (starts[c + 1] - starts[c]) // LANES, members.size // 4
-        first = np.int64(firsts[c])
-        x, y, z = position[first], position[count + first], position[2 * count + first]
-        rest_x, rest_y = row_at(members, start), row_at(members, entries + start)
-        rest_z, mass = row_at(members, 2 * entries + start), row_at(members, 3 * entries + start)
-        if straight[c]:
-            sum_rows(
-                blocks, x, y, z, row_at(slots, start), row_at(position, first), row_at(position, count + first),
-                row_at(position, 2 * count + first), rest_x, rest_y, rest_z, mass, scratch,
-            )  # fmt: skip
-        else:
-            gather_rows(
-                blocks, x, y, z, row_at(slots, start), position, row_at(position, count), row_at(position, 2 * count), rest_x,
-                rest_y, rest_z, mass, scratch,
-            )  # fmt: skip
-        add_lanes(scratch, row_at(scratch, np.int64(AT_SUMS * LANES + place)))
-
-    return sum_up
+particle_of = Open("particle_of(slots, e) -> particle of entry e of a cluster")
 
 
-def make_turn(compiler: Compiler, real: Real, shaping: frozenset[str]) -> Callable:
-    """Make turn(first, last, position, count, arrays, rotation, new_rotation, frames, scratch).
+@inlined_routine
+def in_order(slots, e):
+    """Return the particle of an entry of a cluster whose particles are in order."""
+    return e
 
-    It computes the rotations of at most LANES clusters from their moments in the scratch: from `rotation` into `new_rotation`
-    and, with their centres, into `frames`.
-    """
-    formulas, turns = compiler.formulas(cluster, real), compiler.formulas(formulas_of_rotation, real, inline=True)
-    corrected, centre, near, matrix_of = formulas.corrected, formulas.centre, turns.rotation_3d_near, turns.matrix_of
-    far, shapes = (
-        compiler.formulas(formulas_of_rotation, real).rotation_3d_far,
-        make_shapes(compiler, real, shaping, AXES),
-    )
-    prepare, finish, zero, one = shapes.prepare, shapes.finish, real(0), real(1)
-    store_matrix = make_frames(compiler).store_matrix
 
-    @compiler.row
-    def raise_rows(rest_offset, sums):
-        for axis in range(AXES):
-            for other in range(AXES):
-                k = (AXES + AXES * axis + other) * LANES
-                for lane in range(LANES):
-                    sums[k + lane] = corrected(
-                        sums[k + lane], sums[axis * LANES + lane], rest_offset[other * LANES + lane]
-                    )
+@inlined_routine
+def listed(slots, e):
+    """Return the particle of an entry of any cluster."""
+    return slots[e]
 
-    @compiler.inlined
-    def matrix_at(sums, lane):
-        return (
-            sums[3 * LANES + lane], sums[4 * LANES + lane], sums[5 * LANES + lane], sums[6 * LANES + lane],
-            sums[7 * LANES + lane], sums[8 * LANES + lane], sums[9 * LANES + lane], sums[10 * LANES + lane],
-            sums[11 * LANES + lane],
-        )  # fmt: skip
 
-    @compiler.row
-    def near_rows(sums, old, new):
+@routine
+def lane_sum(lanes, n):
+    """Return the sum of row `n`, of LANES numbers."""
+    k = n * LANES
+    return total((
+        lanes[k], lanes[k + 1], lanes[k + 2], lanes[k + 3], lanes[k + 4], lanes[k + 5], lanes[k + 6], lanes[k + 7],
+        lanes[k + 8], lanes[k + 9], lanes[k + 10], lanes[k + 11], lanes[k + 12], lanes[k + 13], lanes[k + 14],
+        lanes[k + 15],
+    ))  # fmt: skip
+
+
+@row_routine
+def moment_rows(blocks, first_x, first_y, first_z, slots, x, y, z, rest_x, rest_y, rest_z, mass, lanes):
+    for row in range(MOMENTS * LANES):
+        lanes[row] = 0.0
+    for block in range(blocks):
         for lane in range(LANES):
-            q = old[lane], old[LANES + lane], old[2 * LANES + lane], old[3 * LANES + lane]
-            w, x, y, z, reached = near(matrix_at(sums, lane), q)
-            new[lane] = w
-            new[LANES + lane] = x
-            new[2 * LANES + lane] = y
-            new[3 * LANES + lane] = z
-            new[4 * LANES + lane] = one if reached else zero
-
-    @compiler.compiled
-    def turn(first, last, position, count, arrays, rotation, new_rotation, frames, scratch):
-        firsts, centres = arrays.firsts, arrays.centres
-        clusters = centres.size // 4
-        rest_offset = row_at(scratch, np.int64(AT_REST_OFFSET * LANES))
-        sums, old = row_at(scratch, np.int64(AT_SUMS * LANES)), row_at(scratch, np.int64(AT_OLD * LANES))
-        new = row_at(scratch, np.int64(AT_NEW * LANES))
-        for n in range(last - first):
-            for part in range(QUATERNION):
-                old[part * LANES + n] = rotation[part * clusters + first + n]
-            for axis in range(AXES):
-                rest_offset[axis * LANES + n] = centres[4 * (first + n) + axis]
-        raise_rows(rest_offset, sums)
-        maps = row_at(scratch, np.int64(AT_MAPS * LANES))
-        for n in range(last - first):
-            prepare(first + n, n, arrays, sums, maps)
-        near_rows(sums, old, new)
-        for n in range(last - first):
-            c, k = first + n, np.int64(firsts[first + n])
-            w, x, y, z = new[n], new[LANES + n], new[2 * LANES + n], new[3 * LANES + n]
-            if new[4 * LANES + n] == zero:
-                w, x, y, z = far(matrix_at(sums, n), (w, x, y, z))
-            new_rotation[c] = w
-            new_rotation[clusters + c] = x
-            new_rotation[2 * clusters + c] = y
-            new_rotation[3 * clusters + c] = z
-            frame = row_at(frames, np.int64(FRAME * c))
-            store_matrix(frame, *finish(c, n, arrays, maps, matrix_of(w, x, y, z)))
-            for axis in range(AXES):
-                frame[9 + axis] = centre(
-                    position[axis * count + k], sums[axis * LANES + n], centres[4 * c + 3], frame[3 * axis],
-                    frame[3 * axis + 1], frame[3 * axis + 2], centres[4 * c], centres[4 * c + 1], centres[4 * c + 2],
-                )  # fmt: skip
-
-    return turn
+            e = block * LANES + lane
+            k = particle_of(slots, e)
+            wx, wy = weighted(mass[e], x[k], first_x), weighted(mass[e], y[k], first_y)
+            wz = weighted(mass[e], z[k], first_z)
+            lanes[lane] = lanes[lane] + wx
+            lanes[LANES + lane] = lanes[LANES + lane] + wy
+            lanes[2 * LANES + lane] = lanes[2 * LANES + lane] + wz
+            lanes[3 * LANES + lane] = added(lanes[3 * LANES + lane], wx, rest_x[e])
+            lanes[4 * LANES + lane] = added(lanes[4 * LANES + lane], wx, rest_y[e])
+            lanes[5 * LANES + lane] = added(lanes[5 * LANES + lane], wx, rest_z[e])
+            lanes[6 * LANES + lane] = added(lanes[6 * LANES + lane], wy, rest_x[e])
+            lanes[7 * LANES + lane] = added(lanes[7 * LANES + lane], wy, rest_y[e])
+            lanes[8 * LANES + lane] = added(lanes[8 * LANES + lane], wy, rest_z[e])
+            lanes[9 * LANES + lane] = added(lanes[9 * LANES + lane], wz, rest_x[e])
+            lanes[10 * LANES + lane] = added(lanes[10 * LANES + lane], wz, rest_y[e])
+            lanes[11 * LANES + lane] = added(lanes[11 * LANES + lane], wz, rest_z[e])
 
 
-def make_clusters(compiler: Compiler, real: Real, shaping: frozenset[str]) -> SimpleNamespace:
-    """Make `match(first, last, position, count, arrays, rotation, new_rotation, frames, scratch)`, for at most LANES
-    clusters; `sum_up` and `turn`: its two parts."""
-    sum_up, turn = make_moments(compiler, real), make_turn(compiler, real, shaping)
-
-    @compiler.compiled
-    def match(first, last, position, count, arrays, rotation, new_rotation, frames, scratch):
-        for c in range(first, last):
-            sum_up(c, c - first, position, count, arrays, scratch)
-        turn(first, last, position, count, arrays, rotation, new_rotation, frames, scratch)
-
-    return SimpleNamespace(match=match, sum_up=sum_up, turn=turn)
+sum_moments = filled(moment_rows, {"particle_of": in_order})
+gather_moments = filled(moment_rows, {"particle_of": listed})
 
 
-def make_goals(compiler: Compiler, real: Real, has_rigid: bool) -> SimpleNamespace:
-    """Make `move_lone` and `move`.
+@row_routine
+def add_lanes(lanes, sums):
+    for n in range(MOMENTS):
+        sums[n * LANES] = lane_sum(lanes, n)
 
-    `move_lone(c, position, count, arrays, factors, frames, travel)` moves the particles of a lone cluster towards their
-    goals; `move(first, last, position, count, particle_clusters, frames, travel)` those of any clusters, which it
-    gathers. `travel`: as in particles.py; its slacks are read if bodies are rigid, `has_rigid`.
-    """
-    formulas = compiler.formulas(cluster, real)
-    goal, displacement_added, arrived = formulas.goal, formulas.displacement_added, formulas.arrived
-    settled, zero = compiler.formulas(rigid, real).settled, real(0)
-    frame_of = make_frames(compiler).frame_of
 
-    @compiler.row
-    def move_rows(blocks, frame, factor, least, rest_x, rest_y, rest_z, x, y, z):
-        for block in range(blocks):
-            for lane in range(LANES):
-                k = block * LANES + lane
-                a, b, c = rest_x[k], rest_y[k], rest_z[k]
-                u = displacement_added(zero, factor, goal(frame.x, frame.xx, frame.xy, frame.xz, a, b, c), x[k])
-                v = displacement_added(zero, factor, goal(frame.y, frame.yx, frame.yy, frame.yz, a, b, c), y[k])
-                w = displacement_added(zero, factor, goal(frame.z, frame.zx, frame.zy, frame.zz, a, b, c), z[k])
-                if has_rigid:
-                    u, v, w = settled(u, least, x[k]), settled(v, least, y[k]), settled(w, least, z[k])
-                x[k], y[k], z[k] = arrived(x[k], u), arrived(y[k], v), arrived(z[k], w)
-
-    @compiler.compiled
-    def move_lone(c, position, count, arrays, factors, frames, travel):
-        starts, firsts, members = arrays.starts, arrays.firsts, arrays.members
-        start, entries, first = starts[c], members.size // 4, np.int64(firsts[c])
-        slack = travel[AXES * count + first] if has_rigid else zero
-        move_rows(
-            (starts[c + 1] - start) // LANES, frame_of(frames, c), factors[start], slack,
-            row_at(members, start), row_at(members, entries + start), row_at(members, 2 * entries + start),
-            row_at(position, first), row_at(position, count + first), row_at(position, 2 * count + first),
+@routine
+def sum_up(c, place, position, count, arrays, scratch):
+    """Write the moments of cluster `c` into column `place` of the scratch."""
+    starts, firsts, slots, members = arrays.starts, arrays.firsts, arrays.slots, arrays.members
+    start, blocks, entries = starts[c], (starts[c + 1] - starts[c]) // LANES, members.size // 4
+    first = np.int64(firsts[c])
+    x, y, z = position[first], position[count + first], position[2 * count + first]
+    rest_x, rest_y = row_at(members, start), row_at(members, entries + start)
+    rest_z, mass = row_at(members, 2 * entries + start), row_at(members, 3 * entries + start)
+    if arrays.straight[c]:
+        sum_moments(
+            blocks, x, y, z, row_at(slots, start), row_at(position, first), row_at(position, count + first),
+            row_at(position, 2 * count + first), rest_x, rest_y, rest_z, mass, scratch,
         )  # fmt: skip
-
-    @compiler.compiled
-    def move(first, last, position, count, particle_clusters, frames, travel):
-        starts, clusters, rests, factors = particle_clusters
-        for k in range(first, last):
-            px, py, pz = position[k], position[count + k], position[2 * count + k]
-            x, y, z = zero, zero, zero
-            for n in range(starts[k], starts[k + 1]):
-                frame, factor = frame_of(frames, clusters[n]), factors[n]
-                a, b, c = rests[3 * n], rests[3 * n + 1], rests[3 * n + 2]
-                x = displacement_added(x, factor, goal(frame.x, frame.xx, frame.xy, frame.xz, a, b, c), px)
-                y = displacement_added(y, factor, goal(frame.y, frame.yx, frame.yy, frame.yz, a, b, c), py)
-                z = displacement_added(z, factor, goal(frame.z, frame.zx, frame.zy, frame.zz, a, b, c), pz)
-            if has_rigid:
-                slack = travel[AXES * count + k]
-                x, y, z = settled(x, slack, px), settled(y, slack, py), settled(z, slack, pz)
-            position[k] = arrived(px, x)
-            position[count + k] = arrived(py, y)
-            position[2 * count + k] = arrived(pz, z)
-
-    return SimpleNamespace(move_lone=move_lone, move=move)
+    else:
+        gather_moments(
+            blocks, x, y, z, row_at(slots, start), position, row_at(position, count), row_at(position, 2 * count), rest_x,
+            rest_y, rest_z, mass, scratch,
+        )  # fmt: skip
+    add_lanes(scratch, row_at(scratch, np.int64(AT_SUMS * LANES + place)))
 
 
-@cache
-def make_matching(
-    real: Real, math: str, shaping: frozenset[str] = frozenset(), has_rigid: bool = False
-) -> SimpleNamespace:
-    """Compile `make_clusters` and `make_goals`, which depend only on `shaping` and rigid bodies, once for all
-    scenes."""
-    compiler = Compiler("_".join(["bodies", np.dtype(real).name, math, *sorted(shaping), "rigid" * has_rigid]), math)
-    return SimpleNamespace(
-        **vars(make_clusters(compiler, real, shaping)), **vars(make_goals(compiler, real, has_rigid))
-    )
+@row_routine
+def raise_rows(rest_offset, sums):
+    for axis in range(AXES):
+        for other in range(AXES):
+            k = (AXES + AXES * axis + other) * LANES
+            for lane in range(LANES):
+                sums[k + lane] = corrected(sums[k + lane], sums[axis * LANES + lane], rest_offset[other * LANES + lane])
+
+
+@inlined_routine
+def matrix_at(sums, lane):
+    return (
+        sums[3 * LANES + lane], sums[4 * LANES + lane], sums[5 * LANES + lane], sums[6 * LANES + lane],
+        sums[7 * LANES + lane], sums[8 * LANES + lane], sums[9 * LANES + lane], sums[10 * LANES + lane],
+        sums[11 * LANES + lane],
+    )  # fmt: skip
+
+
+@row_routine
+def near_rows(sums, old, new):
+    for lane in range(LANES):
+        q = old[lane], old[LANES + lane], old[2 * LANES + lane], old[3 * LANES + lane]
+        w, x, y, z, reached = near_rotation(matrix_at(sums, lane), q)
+        new[lane] = w
+        new[LANES + lane] = x
+        new[2 * LANES + lane] = y
+        new[3 * LANES + lane] = z
+        new[4 * LANES + lane] = 1.0 if reached else 0.0
+
+
+@routine
+def turn_clusters(first, last, position, count, arrays, rotation, new_rotation, frames, scratch):
+    """Compute the rotations of at most LANES clusters from their moments in the scratch: from `rotation` into
+    `new_rotation` and, with their centres, into `frames`."""
+    firsts, centres = arrays.firsts, arrays.centres
+    clusters = centres.size // 4
+    rest_offset = row_at(scratch, np.int64(AT_REST_OFFSET * LANES))
+    sums, old = row_at(scratch, np.int64(AT_SUMS * LANES)), row_at(scratch, np.int64(AT_OLD * LANES))
+    new = row_at(scratch, np.int64(AT_NEW * LANES))
+    for n in range(last - first):
+        for part in range(QUATERNION):
+            old[part * LANES + n] = rotation[part * clusters + first + n]
+        for axis in range(AXES):
+            rest_offset[axis * LANES + n] = centres[4 * (first + n) + axis]
+    raise_rows(rest_offset, sums)
+    maps = row_at(scratch, np.int64(AT_MAPS * LANES))
+    for n in range(last - first):
+        prepare(first + n, n, arrays, sums, maps)
+    near_rows(sums, old, new)
+    for n in range(last - first):
+        c, k = first + n, np.int64(firsts[first + n])
+        w, x, y, z = new[n], new[LANES + n], new[2 * LANES + n], new[3 * LANES + n]
+        if new[4 * LANES + n] == 0.0:
+            w, x, y, z = rotation_3d_far(matrix_at(sums, n), (w, x, y, z))
+        new_rotation[c] = w
+        new_rotation[clusters + c] = x
+        new_rotation[2 * clusters + c] = y
+        new_rotation[3 * clusters + c] = z
+        frame = row_at(frames, np.int64(FRAME * c))
+        store_matrix(frame, *finish(c, n, arrays, maps, matrix_of_rotation(w, x, y, z)))
+        for axis in range(AXES):
+            frame[9 + axis] = centre(
+                position[axis * count + k], sums[axis * LANES + n], centres[4 * c + 3], frame[3 * axis],
+                frame[3 * axis + 1], frame[3 * axis + 2], centres[4 * c], centres[4 * c + 1], centres[4 * c + 2],
+            )  # fmt: skip
+
+
+@routine
+def match_clusters(first, last, position, count, arrays, rotation, new_rotation, frames, scratch):
+    """Compute the rotations and frames of at most LANES clusters."""
+    for c in range(first, last):
+        sum_up(c, c - first, position, count, arrays, scratch)
+    turn_clusters(first, last, position, count, arrays, rotation, new_rotation, frames, scratch)
+
+
+@row_routine
+def move_rows(blocks, frame, factor, least, rest_x, rest_y, rest_z, x, y, z):
+    for block in range(blocks):
+        for lane in range(LANES):
+            k = block * LANES + lane
+            a, b, c = rest_x[k], rest_y[k], rest_z[k]
+            u = displacement_added(0.0, factor, goal(frame.x, frame.xx, frame.xy, frame.xz, a, b, c), x[k])
+            v = displacement_added(0.0, factor, goal(frame.y, frame.yx, frame.yy, frame.yz, a, b, c), y[k])
+            w = displacement_added(0.0, factor, goal(frame.z, frame.zx, frame.zy, frame.zz, a, b, c), z[k])
+            if FEATURE.rigid_motion:
+                u, v, w = settled(u, least, x[k]), settled(v, least, y[k]), settled(w, least, z[k])
+            x[k], y[k], z[k] = arrived(x[k], u), arrived(y[k], v), arrived(z[k], w)
+
+
+@routine
+def move_lone(c, position, count, arrays, factors, frames, travel):
+    """Move the particles of a lone cluster towards their goals. `travel`: as in particles.py; its slacks are read if bodies
+    are rigid."""
+    starts, firsts, members = arrays.starts, arrays.firsts, arrays.members
+    start, entries, first = starts[c], members.size // 4, np.int64(firsts[c])
+    slack = travel[AXES * count + first] if FEATURE.rigid_motion else 0.0
+    move_rows(
+        (starts[c + 1] - start) // LANES, frame_of(frames, c), factors[start], slack,
+        row_at(members, start), row_at(members, entries + start), row_at(members, 2 * entries + start),
+        row_at(position, first), row_at(position, count + first), row_at(position, 2 * count + first),
+    )  # fmt: skip
+
+
+@routine
+def move_particles(first, last, position, count, particle_clusters, frames, travel):
+    """Move the particles of any clusters, whose goals they gather."""
+    starts, clusters, rests, factors = particle_clusters
+    for k in range(first, last):
+        px, py, pz = position[k], position[count + k], position[2 * count + k]
+        x, y, z = 0.0, 0.0, 0.0
+        for n in range(starts[k], starts[k + 1]):
+            frame, factor = frame_of(frames, clusters[n]), factors[n]
+            a, b, c = rests[3 * n], rests[3 * n + 1], rests[3 * n + 2]
+            x = displacement_added(x, factor, goal(frame.x, frame.xx, frame.xy, frame.xz, a, b, c), px)
+            y = displacement_added(y, factor, goal(frame.y, frame.yx, frame.yy, frame.yz, a, b, c), py)
+            z = displacement_added(z, factor, goal(frame.z, frame.zx, frame.zy, frame.zz, a, b, c), pz)
+        if FEATURE.rigid_motion:
+            slack = travel[AXES * count + k]
+            x, y, z = settled(x, slack, px), settled(y, slack, py), settled(z, slack, pz)
+        position[k] = arrived(px, x)
+        position[count + k] = arrived(py, y)
+        position[2 * count + k] = arrived(pz, z)

@@ -7,16 +7,22 @@ from the axis's table.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
-from softlab.cpu_backend.shape_matching.lattice_rows import make_goals, make_moments, make_rows
-from softlab.model.base.types import Real
-from softlab.model.formulas.shape_matching import lattice
+from softlab.cpu_backend.shape_matching.lattice_rows import (
+    ROWS_BEFORE,
+    add_goals,
+    add_moments,
+    clear,
+    copy,
+    end_goals,
+    end_moments,
+)
+from softlab.model.base.variant import Open, filled, inlined_routine, real, routine
+from softlab.model.formulas.shape_matching.lattice import lever
 
 
 class Rows(NamedTuple):
@@ -28,7 +34,7 @@ class Rows(NamedTuple):
 
 
 class MomentScan(NamedTuple):
-    """Weights, centres and masses along the axis; masses of a row; arguments of `then` in make_moment_scan."""
+    """Weights, centres and masses along the axis; masses of a row; arguments of `then` in moment_scan."""
 
     weights: np.ndarray
     centres: np.ndarray
@@ -48,83 +54,85 @@ class GoalScan(NamedTuple):
     out: Rows
 
 
-def make_scan(
-    compiler: Compiler, real: Real, planes: int, keeps_all: bool, term: Callable, add: Callable, end: Callable
-) -> Callable:
-    """Make scan(n, length, region, positions, source, halves, sums, values): `length` rows of `n` masses, in groups of
-    windows that contain a reference row b. `values`: MomentScan or GoalScan.
+KEEPS_ALL = Open("KEEPS_ALL: the scan's halves of all windows are stored")
+term = Open("term(j, b, values) -> arguments of `add` of row j")
+add = Open("add(n, *term(j, b, values), row, pitch, x, reference, plane, sums): adds row j to sums")
+end = Open("end(n, i, b, reference, x, plane, sums, half, pitch, values): completes the window of row i")
+then = Open("then(n, i, window, values.more): what follows for the window of row i")
 
-    `add(n, *term(j, b, values), row, pitch, x, reference, plane, sums)` adds row j to `planes` of sums. `end(n, i, b,
-    reference, x, plane, sums, half, pitch, values)` completes the window of row i, from the sums behind b and the half
-    before it. `halves` has a place for each row if a scan `keeps_all`, else for each row of a group.
+
+@routine
+def scan(n, length, region, positions, source, halves, sums, values):
+    """Sum `length` rows of `n` masses over windows, in groups of windows that contain a reference row b.
+
+    `values`: MomentScan or GoalScan; `halves` has a place for each row if a scan KEEPS_ALL, else for each row of a group.
     """
-    rows = make_rows(compiler, real)
-    clear, copy = rows.clear, rows.copy
-
-    @compiler.compiled
-    def scan(n, length, region, positions, source, halves, sums, values):
-        x, apart, plane = positions
-        terms, terms_apart, pitch = source
-        stored, stored_apart, stored_pitch = halves
-        width = 2 * region + 1
-        for low in range(0, length, width):
-            high, b = min(low + width, length), min(low + region, length - 1)
-            reference, begin = row_at(x, b * apart), 0 if keeps_all else low
-            clear(n, planes, n, sums)
-            j = b
-            for back in range(high - low):
-                i = high - 1 - back
-                while j > max(0, i - region):
-                    j -= 1
-                    row, here = row_at(terms, j * terms_apart), row_at(x, j * apart)
-                    add(n, *term(j, b, values), row, pitch, here, reference, plane, sums)
-                copy(n, planes, sums, n, row_at(stored, (i - begin) * stored_apart), stored_pitch)
-            clear(n, planes, n, sums)
-            j = b
-            for i in range(low, high):
-                while j <= min(length - 1, i + region):
-                    row, here = row_at(terms, j * terms_apart), row_at(x, j * apart)
-                    add(n, *term(j, b, values), row, pitch, here, reference, plane, sums)
-                    j += 1
-                half = row_at(stored, (i - begin) * stored_apart)
-                end(n, i, b, reference, row_at(x, i * apart), plane, sums, half, stored_pitch, values)
-
-    return scan
+    x, apart, plane = positions
+    terms, terms_apart, pitch = source
+    stored, stored_apart, stored_pitch = halves
+    width = 2 * region + 1
+    for low in range(0, length, width):
+        high, b = min(low + width, length), min(low + region, length - 1)
+        reference, begin = row_at(x, b * apart), 0 if KEEPS_ALL else low
+        clear(n, ROWS_BEFORE + 3, n, sums)
+        j = b
+        for back in range(high - low):
+            i = high - 1 - back
+            while j > max(0, i - region):
+                j -= 1
+                row, here = row_at(terms, j * terms_apart), row_at(x, j * apart)
+                add(n, *term(j, b, values), row, pitch, here, reference, plane, sums)
+            copy(n, ROWS_BEFORE + 3, sums, n, row_at(stored, (i - begin) * stored_apart), stored_pitch)
+        clear(n, ROWS_BEFORE + 3, n, sums)
+        j = b
+        for i in range(low, high):
+            while j <= min(length - 1, i + region):
+                row, here = row_at(terms, j * terms_apart), row_at(x, j * apart)
+                add(n, *term(j, b, values), row, pitch, here, reference, plane, sums)
+                j += 1
+            half = row_at(stored, (i - begin) * stored_apart)
+            end(n, i, b, reference, row_at(x, i * apart), plane, sums, half, stored_pitch, values)
 
 
-def make_moment_scan(compiler: Compiler, real: Real, turns: int, then: Callable) -> Callable:
-    """Make the scan of moments, after `turns` axes. For each window it calls then(n, i, window, values.more)."""
-    lever, moments = compiler.formulas(lattice, real, inline=True).lever, make_moments(compiler, real, turns)
-    end_row = moments.end
-
-    @compiler.inlined
-    def term(j, b, values):
-        return real(j - b), values.weights[j], values.mass
-
-    @compiler.compiled
-    def end(n, i, b, reference, x, plane, sums, window, pitch, values):
-        to_centre = lever(real(b - i), values.centres[i])
-        end_row(n, to_centre, values.masses[i], values.mass, reference, x, plane, sums, window, pitch)
-        then(n, i, window, values.more)
-
-    return make_scan(compiler, real, 3 * (turns + 2), True, term, moments.add, end)
+@inlined_routine
+def moment_term(j, b, values):
+    return real(j - b), values.weights[j], values.mass
 
 
-def make_goal_scan(compiler: Compiler, real: Real, rest: int) -> Callable:
-    """Make the scan of displacements to goals, before `rest` more axes."""
-    lever, goals = compiler.formulas(lattice, real, inline=True).lever, make_goals(compiler, real, rest)
-    end_goals = goals.end_goals
+@routine
+def end_moment_window(n, i, b, reference, x, plane, sums, window, pitch, values):
+    to_centre = lever(real(b - i), values.centres[i])
+    end_moments(n, to_centre, values.masses[i], values.mass, reference, x, plane, sums, window, pitch)
+    then(n, i, window, values.more)
 
-    @compiler.inlined
-    def term(j, b, values):
-        return lever(real(b - j), values.centres[j]) * values.spacing, values.clusters
 
-    @compiler.compiled
-    def end(n, i, b, reference, x, plane, sums, half, pitch, values):
-        out = values.out
-        end_goals(
-            n, real(i - b) * values.spacing, values.counts[i] * values.clusters, reference, x, plane, sums, half, pitch,
-            (row_at(out.array, i * out.apart), out.plane),
-        )  # fmt: skip
+@inlined_routine
+def goal_term(j, b, values):
+    return lever(real(b - j), values.centres[j]) * values.spacing, values.clusters
 
-    return make_scan(compiler, real, 3 * (rest + 2), False, term, goals.add_goals, end)
+
+@routine
+def end_goal_window(n, i, b, reference, x, plane, sums, half, pitch, values):
+    out = values.out
+    end_goals(
+        n, real(i - b) * values.spacing, values.counts[i] * values.clusters, reference, x, plane, sums, half, pitch,
+        (row_at(out.array, i * out.apart), out.plane),
+    )  # fmt: skip
+
+
+def moment_scan(turns: int, then: Any) -> Any:
+    """Return the scan of moments after `turns` axes, which calls `then` for each window."""
+    rows = {"ROWS_BEFORE": 3 * (turns + 1)}
+    parts = {
+        "term": moment_term,
+        "add": filled(add_moments, rows),
+        "end": filled(end_moment_window, rows | {"then": then}),
+    }
+    return filled(scan, {"KEEPS_ALL": True} | rows | parts)
+
+
+def goal_scan(rest: int) -> Any:
+    """Return the scan of displacements to goals before `rest` more axes."""
+    rows = {"ROWS_BEFORE": 3 * (rest + 1)}
+    parts = {"term": goal_term, "add": filled(add_goals, rows), "end": filled(end_goal_window, rows)}
+    return filled(scan, {"KEEPS_ALL": False} | rows | parts)

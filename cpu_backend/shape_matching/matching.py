@@ -10,27 +10,37 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from types import SimpleNamespace
 from typing import NamedTuple
 
 import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
+from softlab.cpu_backend.core.own_forces import make_particle_force_row
 from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.shape_matching.matching_rows import (
     CLUSTER,
     GOALS,
     LINE,
     SUMS,
-    make_clear,
-    make_cluster_rows,
-    make_goal_rows,
-    make_motion_rows,
+    accelerate,
+    add_goals,
+    add_window,
+    clear,
+    copy,
+    finish,
+    move,
+    predict,
+    rate,
+    sum_goals,
+    sum_line,
+    window,
 )
 from softlab.model.assets.lattice import T_CENTRE, T_INVERSE, T_WEIGHT
 from softlab.model.base.types import Real
-from softlab.model.formulas.shape_matching import grid as shape_matching
+from softlab.model.base.variant import FEATURE, Open, features_of, filled, real, routine
+from softlab.model.core.own_forces import particle_forces
+from softlab.model.formulas.shape_matching.grid import rest_offset
 
 AXES = 2
 PLACE = AXES + LINE  # rows of a ring: of a row of masses ...
@@ -55,121 +65,138 @@ class Grid(NamedTuple):
     integers: np.ndarray
 
 
-def scratch_places(region: int) -> SimpleNamespace:
-    """Return the rows of a band's scratch: the `ring` (its length) of positions, then those of `clusters`, `sums`,
-    `displacements` and accelerations (`kick`); `count`: all."""
+# rows of a band's scratch (`scratch_places`)
+RING = Open("RING: rows of a ring; the first ones are positions")
+AT_CLUSTERS = Open("AT_CLUSTERS: first row of the ring of clusters")
+AT_SUMS = Open("AT_SUMS: first row of the sums of windows")
+AT_DISPLACEMENTS = Open("AT_DISPLACEMENTS: first row of the displacements")
+AT_KICK = Open("AT_KICK: first row of the accelerations")
+
+
+def scratch_places(region: int) -> dict[str, int]:
+    """Return the rows of a band's scratch by their open names, and COUNT, their number."""
     ring = 2 * region + 1
     sums = (PLACE + GOAL) * ring
     displacements, kick = sums + SUMS, sums + SUMS + AXES
-    return SimpleNamespace(
-        ring=ring, clusters=PLACE * ring, sums=sums, displacements=displacements, kick=kick, count=kick + AXES
-    )
+    return {
+        "RING": ring, "AT_CLUSTERS": PLACE * ring, "AT_SUMS": sums, "AT_DISPLACEMENTS": displacements, "AT_KICK": kick,
+        "COUNT": kick + AXES,
+    }  # fmt: skip
 
 
-def _make_window(compiler: Compiler, region: int) -> Callable:
-    """Make window(i, rows): (first, behind the last) row of the window of row i."""
-
-    @compiler.compiled
-    def window(i, rows):
-        return max(0, i - region), min(rows, i + region + 1)
-
-    return window
-
-
-def make_bring(compiler: Compiler, real: Real, region: int, parts: frozenset[str]) -> Callable:
-    """Make bring: see the inner function."""
-    motion, sum_line = make_motion_rows(compiler, real, parts), make_cluster_rows(compiler, real, region).sum_line
-    accelerate, predict, copy = motion.accelerate, motion.predict, motion.copy
-    places = scratch_places(region)
-    ring, at_kick = places.ring, places.kick
-
-    @compiler.compiled
-    def bring(far, step, predicting, grid, begin, before, rows_scratch):
-        """Write the positions of row `far`, predicted or from the last iteration, and their sums into the ring."""
-        rows, columns, stride = grid.rows, grid.columns, grid.stride
-        kick = row_at(rows_scratch, at_kick * stride)
+@routine
+def bring(far, step, predicting, grid, begin, before, rows_scratch):
+    """Write the positions of row `far`, predicted or from the last iteration, and their sums into the ring."""
+    rows, columns, stride = grid.rows, grid.columns, grid.stride
+    kick = row_at(rows_scratch, AT_KICK * stride)
+    if predicting:
+        accelerate(far, step, columns, stride, grid.parameters, grid.integers, kick)
+    for axis in range(AXES):
+        into = row_at(rows_scratch, (PLACE * (far % RING) + axis) * stride)
+        place = (axis * rows + far) * stride
         if predicting:
-            accelerate(far, step, columns, stride, grid.parameters, grid.integers, kick)
-        for axis in range(AXES):
-            into = row_at(rows_scratch, (PLACE * (far % ring) + axis) * stride)
-            place = (axis * rows + far) * stride
-            if predicting:
-                predict(
-                    columns, row_at(begin, place), row_at(begin, place + AXES * rows * stride), row_at(kick, axis * stride),
-                    row_at(grid.weights, far * stride), grid.parameters, into,
+            predict(
+                columns, row_at(begin, place), row_at(begin, place + AXES * rows * stride), row_at(kick, axis * stride),
+                row_at(grid.weights, far * stride), grid.parameters, into,
+            )  # fmt: skip
+        else:
+            copy(columns, row_at(before, place), into)
+    x = row_at(rows_scratch, PLACE * (far % RING) * stride)
+    sum_line(columns, stride, x, row_at(x, stride), grid.column_table, row_at(x, AXES * stride))
+
+
+@routine
+def match(i, grid, rows_scratch):
+    """Write the clusters of row i and their sums into their ring."""
+    columns, stride, row_table, table = grid.columns, grid.stride, grid.row_table, grid.column_table
+    sums = row_at(rows_scratch, AT_SUMS * stride)
+    clear(SUMS * stride, sums)
+    here = row_at(rows_scratch, PLACE * (i % RING) * stride)
+    first, last = window(i, grid.rows)
+    for other in range(first, last):
+        offset = real(other - i) - row_table[T_CENTRE, i]
+        x = row_at(rows_scratch, PLACE * (other % RING) * stride)
+        add_window(
+            columns, stride, row_at(x, AXES * stride), x, here, table, row_table[T_WEIGHT, other], offset, sums,
+        )  # fmt: skip
+    cluster = row_at(rows_scratch, (AT_CLUSTERS + GOAL * (i % RING)) * stride)
+    finish(columns, stride, sums, here, row_at(here, stride), row_table[T_INVERSE, i], table, cluster)
+    sum_goals(columns, stride, cluster, table, grid.parameters.matching_rest, row_at(cluster, CLUSTER * stride))
+
+
+@routine
+def arrive(i, ending, grid, begin, after, rows_scratch):
+    """Move the masses of row i towards their goals; at a substep's end also compute their velocities."""
+    rows, columns, stride = grid.rows, grid.columns, grid.stride
+    row_table, table, parameters = grid.row_table, grid.column_table, grid.parameters
+    displacements, rest = row_at(rows_scratch, AT_DISPLACEMENTS * stride), parameters.matching_rest
+    clear(AXES * stride, displacements)
+    here = row_at(rows_scratch, PLACE * (i % RING) * stride)
+    first, last = window(i, grid.rows)
+    for other in range(first, last):
+        down = rest_offset(real(i - other), row_table[T_CENTRE, other], rest)
+        cluster = row_at(rows_scratch, (AT_CLUSTERS + GOAL * (other % RING)) * stride)
+        add_goals(
+            columns, stride, row_at(cluster, CLUSTER * stride), cluster, here, row_at(here, stride), table, down,
+            displacements, row_at(displacements, stride),
+        )  # fmt: skip
+    for axis in range(AXES):
+        place = (axis * rows + i) * stride
+        here_weights, out = row_at(grid.weights, i * stride), row_at(after, place)
+        move(
+            columns, row_at(here, axis * stride), row_at(displacements, axis * stride), here_weights,
+            row_table[T_WEIGHT, i], table, parameters, out,
+        )  # fmt: skip
+        if ending:
+            new = row_at(after, place + AXES * rows * stride)
+            rate(columns, out, row_at(begin, place), here_weights, parameters, new)
+
+
+@routine
+def down_band(first, last, kind, step, grid, begin, before, after, rows_scratch):
+    """Do one iteration of the rows first to before last.
+
+    From the positions `before`, or in a first iteration from the state `begin`, to those of `after`; in a last one
+    also to its velocities.
+    """
+    for far in range(max(0, first - 2 * FEATURE.region), last + 2 * FEATURE.region):
+        if far < grid.rows:
+            predicting = kind in (ONCE, FIRST)
+            bring(far, step, predicting, grid, begin, before, rows_scratch)
+        near = far - FEATURE.region
+        if 0 <= near < grid.rows and first - FEATURE.region <= near < last + FEATURE.region:
+            match(near, grid, rows_scratch)
+        i = near - FEATURE.region
+        if first <= i < last:
+            ending = kind in (ONCE, LAST)
+            arrive(i, ending, grid, begin, after, rows_scratch)
+
+
+@routine
+def advance(team, member, bands, steps, grid, states, current, scratch, rows_scratch, place_after):
+    """Advance the band's rows by `steps.steps` steps."""
+    size, bounds = 2 * AXES * grid.rows * grid.stride, grid.bounds
+    now, begin = current, current
+    for place in range(steps.steps * steps.substeps):
+        for iteration in range(steps.iterations):
+            kind = MIDDLE
+            if iteration == steps.iterations - 1:
+                kind = LAST if iteration > 0 else ONCE
+            elif iteration == 0:
+                kind = FIRST
+            after = (now + 1) % STATES
+            if after == begin and iteration > 0:
+                after = (after + 1) % STATES
+            for band in assigned(team, member, bands):
+                down_band(
+                    bounds[band], bounds[band + 1], kind, steps.step + place // steps.substeps, grid,
+                    row_at(states, begin * size), row_at(states, now * size), row_at(states, after * size),
+                    row_at(scratch, band * rows_scratch),
                 )  # fmt: skip
-            else:
-                copy(columns, row_at(before, place), into)
-        x = row_at(rows_scratch, PLACE * (far % ring) * stride)
-        sum_line(columns, stride, x, row_at(x, stride), grid.column_table, row_at(x, AXES * stride))
-
-    return bring
-
-
-def make_match(compiler: Compiler, real: Real, region: int) -> Callable:
-    """Make match: see the inner function."""
-    rows_of, sum_goals = make_cluster_rows(compiler, real, region), make_goal_rows(compiler, real, region).sum_goals
-    add_window, finish, clear = rows_of.add_window, rows_of.finish, make_clear(compiler, real)
-    window, places = _make_window(compiler, region), scratch_places(region)
-    ring, at_clusters, at_sums = places.ring, places.clusters, places.sums
-
-    @compiler.compiled
-    def match(i, grid, rows_scratch):
-        """Write the clusters of row i and their sums into their ring."""
-        columns, stride, row_table, table = grid.columns, grid.stride, grid.row_table, grid.column_table
-        sums = row_at(rows_scratch, at_sums * stride)
-        clear(SUMS * stride, sums)
-        here = row_at(rows_scratch, PLACE * (i % ring) * stride)
-        first, last = window(i, grid.rows)
-        for other in range(first, last):
-            offset = real(other - i) - row_table[T_CENTRE, i]
-            x = row_at(rows_scratch, PLACE * (other % ring) * stride)
-            add_window(
-                columns, stride, row_at(x, AXES * stride), x, here, table, row_table[T_WEIGHT, other], offset, sums,
-            )  # fmt: skip
-        cluster = row_at(rows_scratch, (at_clusters + GOAL * (i % ring)) * stride)
-        finish(columns, stride, sums, here, row_at(here, stride), row_table[T_INVERSE, i], table, cluster)
-        sum_goals(columns, stride, cluster, table, grid.parameters.matching_rest, row_at(cluster, CLUSTER * stride))
-
-    return match
-
-
-def make_arrive(compiler: Compiler, real: Real, region: int, parts: frozenset[str]) -> Callable:
-    """Make arrive: see the inner function."""
-    motion, add_goals = make_motion_rows(compiler, real, parts), make_goal_rows(compiler, real, region).add_goals
-    move, rate, clear = motion.move, motion.rate, make_clear(compiler, real)
-    rest_offset = compiler.formulas(shape_matching, real).rest_offset
-    window, places = _make_window(compiler, region), scratch_places(region)
-    ring, at_clusters, at_displacements = places.ring, places.clusters, places.displacements
-
-    @compiler.compiled
-    def arrive(i, ending, grid, begin, after, rows_scratch):
-        """Move the masses of row i towards their goals; at a substep's end also compute their velocities."""
-        rows, columns, stride = grid.rows, grid.columns, grid.stride
-        row_table, table, parameters = grid.row_table, grid.column_table, grid.parameters
-        displacements, rest = row_at(rows_scratch, at_displacements * stride), parameters.matching_rest
-        clear(AXES * stride, displacements)
-        here = row_at(rows_scratch, PLACE * (i % ring) * stride)
-        first, last = window(i, grid.rows)
-        for other in range(first, last):
-            down = rest_offset(real(i - other), row_table[T_CENTRE, other], rest)
-            cluster = row_at(rows_scratch, (at_clusters + GOAL * (other % ring)) * stride)
-            add_goals(
-                columns, stride, row_at(cluster, CLUSTER * stride), cluster, here, row_at(here, stride), table, down,
-                displacements, row_at(displacements, stride),
-            )  # fmt: skip
-        for axis in range(AXES):
-            place = (axis * rows + i) * stride
-            here_weights, out = row_at(grid.weights, i * stride), row_at(after, place)
-            move(
-                columns, row_at(here, axis * stride), row_at(displacements, axis * stride), here_weights,
-                row_table[T_WEIGHT, i], table, parameters, out,
-            )  # fmt: skip
-            if ending:
-                new = row_at(after, place + AXES * rows * stride)
-                rate(columns, out, row_at(begin, place), here_weights, parameters, new)
-
-    return arrive
+            now = after
+        begin = now
+    if member == 0:
+        place_after[0] = now
 
 
 @cache
@@ -181,50 +208,7 @@ def make_matching_advance(real: Real, math: str, region: int, parts: frozenset[s
     """
     words = "_".join(sorted(parts))
     compiler = Compiler(f"matching_{np.dtype(real).name}_{math}_{region}_{words}", math)
-    bring, match = make_bring(compiler, real, region, parts), make_match(compiler, real, region)
-    arrive = make_arrive(compiler, real, region, parts)
-
-    @compiler.compiled
-    def down_band(first, last, kind, step, grid, begin, before, after, rows_scratch):
-        """Do one iteration of the rows first to before last.
-
-        From the positions `before`, or in a first iteration from the state `begin`, to those of `after`; in a last one
-        also to its velocities.
-        """
-        for far in range(max(0, first - 2 * region), last + 2 * region):
-            if far < grid.rows:
-                predicting = kind in (ONCE, FIRST)
-                bring(far, step, predicting, grid, begin, before, rows_scratch)
-            near = far - region
-            if 0 <= near < grid.rows and first - region <= near < last + region:
-                match(near, grid, rows_scratch)
-            i = near - region
-            if first <= i < last:
-                ending = kind in (ONCE, LAST)
-                arrive(i, ending, grid, begin, after, rows_scratch)
-
-    def advance(team, member, bands, steps, grid, states, current, scratch, rows_scratch, place_after):
-        size, bounds = 2 * AXES * grid.rows * grid.stride, grid.bounds
-        now, begin = current, current
-        for place in range(steps.steps * steps.substeps):
-            for iteration in range(steps.iterations):
-                kind = MIDDLE
-                if iteration == steps.iterations - 1:
-                    kind = LAST if iteration > 0 else ONCE
-                elif iteration == 0:
-                    kind = FIRST
-                after = (now + 1) % STATES
-                if after == begin and iteration > 0:
-                    after = (after + 1) % STATES
-                for band in assigned(team, member, bands):
-                    down_band(
-                        bounds[band], bounds[band + 1], kind, steps.step + place // steps.substeps, grid,
-                        row_at(states, begin * size), row_at(states, now * size), row_at(states, after * size),
-                        row_at(scratch, band * rows_scratch),
-                    )  # fmt: skip
-                now = after
-            begin = now
-        if member == 0:
-            place_after[0] = now
-
-    return compiler.team(advance)
+    features = features_of(parts) | {"region": region, "particle_forces": bool(particle_forces(parts))}
+    add_particle_force = make_particle_force_row(compiler, real, AXES, parts)
+    kernel = filled(advance, scratch_places(region) | {"add_particle_force": add_particle_force})
+    return compiler.team(compiler.variant_of(real, features).copied(kernel))

@@ -12,94 +12,108 @@ from types import SimpleNamespace
 import numpy as np
 from numba import cuda
 
-from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernels, variant_name
+from softlab.gpu_backend.core.compile import kernels_of, variant_name
 from softlab.gpu_backend.core.device import DeviceArray, Stream
-from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
 from softlab.gpu_backend.core.sheet import make_place
 from softlab.model.assets.lattice import matching_axis
 from softlab.model.base.types import Real
-from softlab.model.formulas.shape_matching import grid as shape_matching
+from softlab.model.base.variant import FEATURE, Open, filled, inlined_routine, real, routine
+from softlab.model.formulas.shape_matching.grid import (
+    added_goal,
+    added_goal_row,
+    added_member,
+    added_row,
+    cluster,
+    moved,
+    rest_offset,
+)
 from softlab.model.scene.scene import Scene
 
 WEIGHT, INVERSE, CENTRE, MASS, COUNT = range(5)  # of a table (5, rows or columns), model/shape_matching/matching.py
+ONE = np.int32(1)
+
+lattice_place = Open("lattice_place() -> (row, column) of a thread")
+
+
+@inlined_routine
+def window(i, count):
+    """Return (first, behind the last) of the window of `i`."""
+    half_width = np.int32(FEATURE.region)
+    return max(np.int32(0), np.int32(i - half_width)), min(count, np.int32(i + half_width + ONE))
+
+
+@routine
+def match(position, clusters, row_table, table, rows, columns):
+    """Write the clusters of a grid."""
+    i, j = lattice_place()
+    rows, columns = np.int32(rows), np.int32(columns)
+    if i < rows and j < columns:
+        here = load_quad(position, np.int32(i * columns + j))
+        sums = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        top, bottom = window(i, rows)
+        left, right = window(j, columns)
+        for row in range(top, bottom):
+            middle = load_quad(position, np.int32(row * columns + j))
+            line = 0.0, 0.0, 0.0, 0.0
+            for k in range(left, right):
+                if k != j:
+                    p = load_quad(position, np.int32(row * columns + k))
+                    line = added_member(
+                        line, p[0], p[1], middle[0], middle[1], table[WEIGHT, k],
+                        real(np.int32(k - j)), table[CENTRE, j],
+                    )  # fmt: skip
+            down = real(np.int32(row - i)) - row_table[CENTRE, i]
+            sums = added_row(
+                sums, line, middle[0], middle[1], here[0], here[1], table[MASS, j],
+                row_table[WEIGHT, row], down,
+            )  # fmt: skip
+        x, y, cosine, sine = cluster(sums, here[0], here[1], row_table[INVERSE, i], table[INVERSE, j])
+        store_quad(clusters, np.int32(i * columns + j), x, y, cosine, sine)
+
+
+@routine
+def move(position, target, clusters, row_table, table, record, rows, columns):
+    """Move masses from `position` to `target` (quads) towards their goals; pinned masses, of weight 0, stay."""
+    parameters = record[0]
+    i, j = lattice_place()
+    rows, columns = np.int32(rows), np.int32(columns)
+    if i < rows and j < columns:
+        k = np.int32(i * columns + j)
+        p = load_quad(position, k)
+        displacement_x, displacement_y, rest = 0.0, 0.0, parameters.matching_rest
+        top, bottom = window(i, rows)
+        left, right = window(j, columns)
+        for row in range(top, bottom):
+            middle = load_quad(clusters, np.int32(row * columns + j))
+            along = rest_offset(0.0, table[CENTRE, j], rest)
+            sums = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+            sums = added_goal(sums, middle[0], middle[1], middle[0], middle[1], middle[2], middle[3], along)
+            for column in range(left, right):
+                if column != j:
+                    c = load_quad(clusters, np.int32(row * columns + column))
+                    along = rest_offset(real(np.int32(j - column)), table[CENTRE, column], rest)
+                    sums = added_goal(sums, c[0], c[1], middle[0], middle[1], c[2], c[3], along)
+            down = rest_offset(real(np.int32(i - row)), row_table[CENTRE, row], rest)
+            displacement_x, displacement_y = added_goal_row(
+                displacement_x, displacement_y, sums, p[0], p[1], middle[0], middle[1], table[COUNT, j], down
+            )
+        x, y = p[0], p[1]
+        if p[3] != 0.0:
+            weight, matching = table[WEIGHT, j], parameters.matching
+            x = moved(x, row_table[WEIGHT, i], weight, matching, displacement_x)
+            y = moved(y, row_table[WEIGHT, i], weight, matching, displacement_y)
+        store_quad(target, k, x, y, p[2], p[3])
 
 
 @cache
 def make_matching(real: Real, math: str, region: int) -> SimpleNamespace:
     """Compile `match(position, clusters, row_table, column_table, rows, columns)` and `move(position, target, clusters,
-    row_table, column_table, record, rows, columns)`, from `position` to `target` (quads); pinned masses, of weight 0,
-    stay."""
-    formulas = device_formulas(shape_matching, real, math)
-    added_member, added_row, cluster = formulas.added_member, formulas.added_row, formulas.cluster
-    rest_offset, added_goal, added_goal_row = formulas.rest_offset, formulas.added_goal, formulas.added_goal_row
-    moved, inline, lattice = formulas.moved, inlined(math), make_place(math)
-    zero, one, half_width = real(0), np.int32(1), np.int32(region)
-
-    @inline
-    def window(i, count):
-        """Return (first, behind the last) of the window of `i`."""
-        return max(np.int32(0), np.int32(i - half_width)), min(count, np.int32(i + half_width + one))
-
-    def match(position, clusters, row_table, table, rows, columns):
-        i, j = lattice()
-        rows, columns = np.int32(rows), np.int32(columns)
-        if i < rows and j < columns:
-            here = load_quad(position, np.int32(i * columns + j))
-            sums = zero, zero, zero, zero, zero, zero
-            top, bottom = window(i, rows)
-            left, right = window(j, columns)
-            for row in range(top, bottom):
-                middle = load_quad(position, np.int32(row * columns + j))
-                line = zero, zero, zero, zero
-                for k in range(left, right):
-                    if k != j:
-                        p = load_quad(position, np.int32(row * columns + k))
-                        line = added_member(
-                            line, p[0], p[1], middle[0], middle[1], table[WEIGHT, k],
-                            real(np.int32(k - j)), table[CENTRE, j],
-                        )  # fmt: skip
-                down = real(np.int32(row - i)) - row_table[CENTRE, i]
-                sums = added_row(
-                    sums, line, middle[0], middle[1], here[0], here[1], table[MASS, j],
-                    row_table[WEIGHT, row], down,
-                )  # fmt: skip
-            x, y, cosine, sine = cluster(sums, here[0], here[1], row_table[INVERSE, i], table[INVERSE, j])
-            store_quad(clusters, np.int32(i * columns + j), x, y, cosine, sine)
-
-    def move(position, target, clusters, row_table, table, record, rows, columns):
-        parameters = record[0]
-        i, j = lattice()
-        rows, columns = np.int32(rows), np.int32(columns)
-        if i < rows and j < columns:
-            k = np.int32(i * columns + j)
-            p = load_quad(position, k)
-            displacement_x, displacement_y, rest = zero, zero, parameters.matching_rest
-            top, bottom = window(i, rows)
-            left, right = window(j, columns)
-            for row in range(top, bottom):
-                middle = load_quad(clusters, np.int32(row * columns + j))
-                along = rest_offset(zero, table[CENTRE, j], rest)
-                sums = zero, zero, zero, zero, zero, zero
-                sums = added_goal(sums, middle[0], middle[1], middle[0], middle[1], middle[2], middle[3], along)
-                for column in range(left, right):
-                    if column != j:
-                        c = load_quad(clusters, np.int32(row * columns + column))
-                        along = rest_offset(real(np.int32(j - column)), table[CENTRE, column], rest)
-                        sums = added_goal(sums, c[0], c[1], middle[0], middle[1], c[2], c[3], along)
-                down = rest_offset(real(np.int32(i - row)), row_table[CENTRE, row], rest)
-                displacement_x, displacement_y = added_goal_row(
-                    displacement_x, displacement_y, sums, p[0], p[1], middle[0], middle[1], table[COUNT, j], down
-                )
-            x, y = p[0], p[1]
-            if p[3] != zero:
-                weight, matching = table[WEIGHT, j], parameters.matching
-                x = moved(x, row_table[WEIGHT, i], weight, matching, displacement_x)
-                y = moved(y, row_table[WEIGHT, i], weight, matching, displacement_y)
-            store_quad(target, k, x, y, p[2], p[3])
-
-    name = f"matching_{variant_name(real, math, region)}"
-    return make_kernels((match, move), name, **kernel_options(math))
+    row_table, column_table, record, rows, columns)`."""
+    variant, names = device_variant(real, math, {"region": region}), {"lattice_place": make_place(math)}
+    kernels = filled(match, names), filled(move, names)
+    return kernels_of(variant, math, kernels, f"matching_{variant_name(real, math, region)}")
 
 
 class Matching:

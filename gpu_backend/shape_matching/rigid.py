@@ -13,173 +13,200 @@ import numpy as np
 from numba import cuda
 
 from softlab.gpu_backend.contact.motion import make_motion
-from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernels, variant_name
+from softlab.gpu_backend.core.compile import kernels_of, variant_name
 from softlab.gpu_backend.core.device import Arguments, DeviceArray, Stream
 from softlab.gpu_backend.core.forces import make_forces
-from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.quads import AXES, ROWS, SIZE, load_quad, pack, store_quad
-from softlab.gpu_backend.shape_matching.damping import make_gather
-from softlab.gpu_backend.shape_matching.kernels import THREADS, TOGETHER, make_move
+from softlab.gpu_backend.shape_matching.damping import make_gather, rate_of
+from softlab.gpu_backend.shape_matching.kernels import (
+    LANES_32,
+    NO_STEP,
+    ONE,
+    THREADS,
+    TOGETHER,
+    add_gravity,
+    add_particle_force,
+    displacement_to_goals,
+)
 from softlab.model.assets.clusters import Clusters, whole_clusters
 from softlab.model.base.types import Real
+from softlab.model.base.variant import FEATURE, Open, features_of, filled, inlined_routine, routine
 from softlab.model.contact.particle_parameters import H_ASLEEP, H_FASTEST
-from softlab.model.formulas import particle_contact
-from softlab.model.formulas.shape_matching import rebound, rigid
+from softlab.model.formulas.particle_contact import far, rested, shortened
 from softlab.model.formulas.shape_matching.cluster import LANES
+from softlab.model.formulas.shape_matching.rebound import rigid as of_body
+from softlab.model.formulas.shape_matching.rigid import carried, rate_over, settled, travelled
 from softlab.model.shape_matching.rigid_motion import goal_slack
+
+predict_position = Open("predict_position(p, v, ax, ay, az, parameters) -> position")
+kick = Open("kick(p, v, ax, ay, az, parameters) -> velocity of a prediction")
+
+
+@inlined_routine
+def store_prediction(k, p, v, ax, ay, az, predicted, parameters, travel):
+    """Write the prediction of particle `k` and its travel."""
+    x, y, z = predict_position(p, v, ax, ay, az, parameters)
+    store_quad(predicted, k, x, y, z, p[3])
+    h, (u, v, w) = parameters.dt, kick(p, v, ax, ay, az, parameters)
+    store_quad(travel, k, travelled(h, u), travelled(h, v), travelled(h, w), load_quad(travel, k)[3])
+
+
+@routine
+def begin(position, velocity, predicted, record, integers, travel):
+    """Predict the particles, and their travels."""
+    parameters = record[0]
+    k = np.int32(cuda.grid(1))
+    if k < position.size // SIZE:
+        p, v = load_quad(position, k), load_quad(velocity, k)
+        ax, ay, az = add_gravity(0.0, 0.0, 0.0, parameters)
+        ax, ay, az = add_particle_force(ax, ay, az, k, p[3], parameters, integers, NO_STEP)
+        store_prediction(k, p, v, ax, ay, az, predicted, parameters, travel)
+
+
+@routine
+def predict(before, velocity, a, position, record, travel):
+    """Do the same from accelerations `a`, which are then set to 0."""
+    k = np.int32(cuda.grid(1))
+    if k < position.size // SIZE:
+        b = load_quad(a, k)
+        store_prediction(k, load_quad(before, k), load_quad(velocity, k), b[0], b[1], b[2], position, record[0], travel)
+        store_quad(a, k, 0.0, 0.0, 0.0, 0.0)
+
+
+@inlined_routine
+def settled_position(p, k, particle_starts, particle_clusters, particle_members, frames, t):
+    """Return the position of particle `k` at `p`, moved towards its goals; `t`: its travel and slack."""
+    x, y, z = displacement_to_goals(p, k, particle_starts, particle_clusters, particle_members, frames)
+    return p[0] + settled(x, t[3], p[0]), p[1] + settled(y, t[3], p[1]), p[2] + settled(z, t[3], p[2])
+
+
+@inlined_routine
+def store_state(k, b, x, y, z, position, velocity, parameters, u, v, w, slack):
+    """Write the position and velocity of particle `k`, of a rigid body from its travel (u, v, w)."""
+    inverse = parameters.inverse_substep
+    vx, vy, vz = rate_of((x, y, z, b[3]), b, parameters)
+    if slack > 0.0:
+        vx, vy, vz = rate_over(u, inverse), rate_over(v, inverse), rate_over(w, inverse)
+        if FEATURE.pins:
+            if b[3] == 0.0:
+                vx, vy, vz = 0.0, 0.0, 0.0
+    store_quad(position, k, x, y, z, b[3])
+    store_quad(velocity, k, vx, vy, vz, 0.0)
+
+
+@routine
+def move(position, particle_starts, particle_clusters, particle_members, frames, travel):
+    """Move the particles towards their goals, in place."""
+    k = np.int32(cuda.grid(1))
+    if k < position.size // SIZE:
+        p = load_quad(position, k)
+        x, y, z = settled_position(
+            p, k, particle_starts, particle_clusters, particle_members, frames, load_quad(travel, k)
+        )
+        store_quad(position, k, x, y, z, p[3])
+
+
+@routine
+def rate(before, position, velocity, particle_starts, particle_clusters, particle_members, frames, record, travel):
+    """Move the particles towards their goals, and write their velocities."""
+    k = np.int32(cuda.grid(1))
+    if k < position.size // SIZE:
+        b, p, t = load_quad(before, k), load_quad(position, k), load_quad(travel, k)
+        x, y, z = settled_position(p, k, particle_starts, particle_clusters, particle_members, frames, t)
+        store_state(k, b, x, y, z, position, velocity, record[0], t[0], t[1], t[2], t[3])
+
+
+@routine
+def update(before, position, velocity, record, travel):
+    """Write only velocities, for rigid bodies from their travels."""
+    k = np.int32(cuda.grid(1))
+    if k < position.size // SIZE:
+        b, p, t = load_quad(before, k), load_quad(position, k), load_quad(travel, k)
+        store_state(k, b, p[0], p[1], p[2], position, velocity, record[0], t[0], t[1], t[2], t[3])
+
+
+@routine
+def update_calmed(before, position, velocity, contact_record, record, travel):
+    """Do the same with speed limit and sleeping."""
+    k = np.int32(cuda.grid(1))
+    if k < position.size // SIZE:
+        b, p, t = load_quad(before, k), load_quad(position, k), load_quad(travel, k)
+        x, y, z, u, v, w = p[0], p[1], p[2], t[0], t[1], t[2]
+        if FEATURE.speed_limit or FEATURE.sleeping:
+            length = far(x - b[0], y - b[1], z - b[2])
+            if FEATURE.speed_limit:
+                most = contact_record[H_FASTEST]
+                x, y = shortened(x, b[0], length, most), shortened(y, b[1], length, most)
+                z = shortened(z, b[2], length, most)
+            if FEATURE.sleeping:
+                least = contact_record[H_ASLEEP]
+                x, y = rested(x, b[0], length, least), rested(y, b[1], length, least)
+                z = rested(z, b[2], length, least)
+            u, v, w = carried(u, x, p[0]), carried(v, y, p[1]), carried(w, z, p[2])
+        store_state(k, b, x, y, z, position, velocity, record[0], u, v, w, t[3])
+
+
+@routine
+def steady(position, velocity, particle_starts, particle_clusters, factors, motions):
+    """Write velocities from the bodies' motions."""
+    k = np.int32(cuda.grid(1))
+    if k < position.size // SIZE:
+        p = load_quad(position, k)
+        for n in range(particle_starts[k], particle_starts[k + ONE]):
+            if factors[n] != 0.0:
+                row = np.int32(ROWS * particle_clusters[n])
+                o, t, s = load_quad(motions, row), load_quad(motions, row + 1), load_quad(motions, row + 2)
+                dx, dy, dz = p[0] - o[0], p[1] - o[1], p[2] - o[2]
+                store_quad(
+                    velocity, k, of_body(t[0], s[1], dz, s[2], dy), of_body(t[1], s[2], dx, s[0], dz),
+                    of_body(t[2], s[0], dy, s[1], dx), 0.0,
+                )  # fmt: skip
+
+
+@routine
+def rest(before, position, velocity, starts, indices, whole):
+    """Stop each `whole` cluster (clusters,) none of whose particles has moved; in blocks of THREADS."""
+    shared = cuda.shared.array(THREADS, np.int32)
+    thread = np.int32(cuda.threadIdx.x)
+    lane, c = np.int32(thread % LANES_32), np.int32(cuda.blockIdx.x * TOGETHER + thread // LANES_32)
+    has_moved, stops = np.int32(0), False
+    if c < whole.size:
+        stops = whole[c] != 0
+    if stops:
+        for e in range(np.int32(starts[c] + lane), starts[c + ONE], LANES_32):
+            b, p = load_quad(before, indices[e]), load_quad(position, indices[e])
+            if p[0] != b[0] or p[1] != b[1] or p[2] != b[2]:
+                has_moved = ONE
+    shared[thread] = has_moved
+    cuda.syncthreads()
+    for n in range(LANES):
+        has_moved = np.int32(has_moved | shared[thread - lane + n])
+    if stops and has_moved == 0:
+        for e in range(np.int32(starts[c] + lane), starts[c + ONE], LANES_32):
+            store_quad(velocity, indices[e], 0.0, 0.0, 0.0, 0.0)
 
 
 @cache
 def make_begin(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """Compile `begin(position, velocity, predicted, record, integers, travel)`, predictions and travels, and
-    `predict(before, velocity, a, position, record, travel)`, the same from accelerations `a`, which are then set to
-    0."""
+    """Compile `begin(position, velocity, predicted, record, integers, travel)` and `predict(before, velocity, a, position,
+    record, travel)`."""
     forces, motion = make_forces(real, math, parts), make_motion(real, math, parts, AXES)
-    add_gravity, add_particle_force, predict_mass, kick = (
-        forces.add_gravity,
-        forces.add_particle_force,
-        motion.predict,
-        motion.kick,
-    )
-    travelled, zero = device_formulas(rigid, real, math).travelled, real(0)
-    no_step = np.int64(0)  # no force on bodies depends on it
-
-    @inlined(math)
-    def leave(k, p, v, ax, ay, az, predicted, parameters, travel):
-        x, y, z = predict_mass(p, v, ax, ay, az, parameters)
-        store_quad(predicted, k, x, y, z, p[3])
-        h, (u, v, w) = parameters.dt, kick(p, v, ax, ay, az, parameters)
-        store_quad(travel, k, travelled(h, u), travelled(h, v), travelled(h, w), load_quad(travel, k)[3])
-
-    def begin(position, velocity, predicted, record, integers, travel):
-        parameters = record[0]
-        k = np.int32(cuda.grid(1))
-        if k < position.size // SIZE:
-            p, v = load_quad(position, k), load_quad(velocity, k)
-            ax, ay, az = add_gravity(zero, zero, zero, parameters)
-            ax, ay, az = add_particle_force(ax, ay, az, k, p[3], parameters, integers, no_step)
-            leave(k, p, v, ax, ay, az, predicted, parameters, travel)
-
-    def predict(before, velocity, a, position, record, travel):
-        k = np.int32(cuda.grid(1))
-        if k < position.size // SIZE:
-            b = load_quad(a, k)
-            leave(k, load_quad(before, k), load_quad(velocity, k), b[0], b[1], b[2], position, record[0], travel)
-            store_quad(a, k, zero, zero, zero, zero)
-
-    return make_kernels((begin, predict), f"bodies_rigid_{variant_name(real, math, parts)}", **kernel_options(math))
+    names = {
+        "add_gravity": forces.add_gravity, "add_particle_force": forces.add_particle_force,
+        "predict_position": motion.predict, "kick": motion.kick,
+    }  # fmt: skip
+    kernels, label = (filled(begin, names), filled(predict, names)), f"bodies_rigid_{variant_name(real, math, parts)}"
+    return kernels_of(device_variant(real, math), math, kernels, label)
 
 
 @cache
 def make_ends(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """Compile `move`, `rate`, `update`, `update_calmed`, `rest` and `steady`.
-
-    `move(position, particle_starts, particle_clusters, particle_members, frames, travel)`: particles towards their
-    goals, in place; `rate(before, position, velocity, particle_starts, particle_clusters, particle_members, frames,
-    record, travel)`: the same, and velocities; `update(before, position, velocity, record, travel)`: only velocities,
-    for rigid bodies from their travels; `update_calmed(before, position, velocity, contact_record, record, travel)`:
-    the same with speed limit and sleeping; `rest(before, position, velocity, starts, indices, whole)`, in blocks of
-    THREADS: stop each `whole` cluster (clusters,) none of whose particles has moved; `steady(position, velocity,
-    particle_starts, particle_clusters, factors, motions)`: velocities from the bodies' motions.
-    """
-    keeping, near = device_formulas(rigid, real, math), device_formulas(particle_contact, real, math)
-    settled, rate_over, carried = keeping.settled, keeping.rate_over, keeping.carried
-    far, shortened, rested = near.far, near.shortened, near.rested
-    of_body, rate_of = device_formulas(rebound, real, math).rigid, make_motion(real, math, parts, AXES).rate_of
-    goals, zero, one, lanes = make_move(real, math, True), real(0), np.int32(1), np.int32(LANES)
-    has_pins, has_limit, has_sleeping = "pins" in parts, "speed-limit" in parts, "sleeping" in parts
-
-    @inlined(math)
-    def settle(p, k, particle_starts, particle_clusters, particle_members, frames, t):
-        x, y, z = goals(p, k, particle_starts, particle_clusters, particle_members, frames)
-        return p[0] + settled(x, t[3], p[0]), p[1] + settled(y, t[3], p[1]), p[2] + settled(z, t[3], p[2])
-
-    @inlined(math)
-    def leave(k, b, x, y, z, position, velocity, parameters, u, v, w, slack):
-        inverse = parameters.inverse_substep
-        vx, vy, vz = rate_of((x, y, z, b[3]), b, parameters)
-        if slack > zero:
-            vx, vy, vz = rate_over(u, inverse), rate_over(v, inverse), rate_over(w, inverse)
-            if has_pins:
-                if b[3] == zero:
-                    vx, vy, vz = zero, zero, zero
-        store_quad(position, k, x, y, z, b[3])
-        store_quad(velocity, k, vx, vy, vz, zero)
-
-    def move(position, particle_starts, particle_clusters, particle_members, frames, travel):
-        k = np.int32(cuda.grid(1))
-        if k < position.size // SIZE:
-            p = load_quad(position, k)
-            x, y, z = settle(p, k, particle_starts, particle_clusters, particle_members, frames, load_quad(travel, k))
-            store_quad(position, k, x, y, z, p[3])
-
-    def rate(before, position, velocity, particle_starts, particle_clusters, particle_members, frames, record, travel):
-        k = np.int32(cuda.grid(1))
-        if k < position.size // SIZE:
-            b, p, t = load_quad(before, k), load_quad(position, k), load_quad(travel, k)
-            x, y, z = settle(p, k, particle_starts, particle_clusters, particle_members, frames, t)
-            leave(k, b, x, y, z, position, velocity, record[0], t[0], t[1], t[2], t[3])
-
-    def update(before, position, velocity, record, travel):
-        k = np.int32(cuda.grid(1))
-        if k < position.size // SIZE:
-            b, p, t = load_quad(before, k), load_quad(position, k), load_quad(travel, k)
-            leave(k, b, p[0], p[1], p[2], position, velocity, record[0], t[0], t[1], t[2], t[3])
-
-    def update_calmed(before, position, velocity, contact_record, record, travel):
-        k = np.int32(cuda.grid(1))
-        if k < position.size // SIZE:
-            b, p, t = load_quad(before, k), load_quad(position, k), load_quad(travel, k)
-            x, y, z, u, v, w = p[0], p[1], p[2], t[0], t[1], t[2]
-            if has_limit or has_sleeping:
-                length = far(x - b[0], y - b[1], z - b[2])
-                if has_limit:
-                    most = contact_record[H_FASTEST]
-                    x, y = shortened(x, b[0], length, most), shortened(y, b[1], length, most)
-                    z = shortened(z, b[2], length, most)
-                if has_sleeping:
-                    least = contact_record[H_ASLEEP]
-                    x, y = rested(x, b[0], length, least), rested(y, b[1], length, least)
-                    z = rested(z, b[2], length, least)
-                u, v, w = carried(u, x, p[0]), carried(v, y, p[1]), carried(w, z, p[2])
-            leave(k, b, x, y, z, position, velocity, record[0], u, v, w, t[3])
-
-    def steady(position, velocity, particle_starts, particle_clusters, factors, motions):
-        k = np.int32(cuda.grid(1))
-        if k < position.size // SIZE:
-            p = load_quad(position, k)
-            for n in range(particle_starts[k], particle_starts[k + one]):
-                if factors[n] != zero:
-                    row = np.int32(ROWS * particle_clusters[n])
-                    o, t, s = load_quad(motions, row), load_quad(motions, row + 1), load_quad(motions, row + 2)
-                    dx, dy, dz = p[0] - o[0], p[1] - o[1], p[2] - o[2]
-                    store_quad(
-                        velocity, k, of_body(t[0], s[1], dz, s[2], dy), of_body(t[1], s[2], dx, s[0], dz),
-                        of_body(t[2], s[0], dy, s[1], dx), zero,
-                    )  # fmt: skip
-
-    def rest(before, position, velocity, starts, indices, whole):
-        shared = cuda.shared.array(THREADS, np.int32)
-        thread = np.int32(cuda.threadIdx.x)
-        lane, c = np.int32(thread % lanes), np.int32(cuda.blockIdx.x * TOGETHER + thread // lanes)
-        has_moved, stops = np.int32(0), False
-        if c < whole.size:
-            stops = whole[c] != 0
-        if stops:
-            for e in range(np.int32(starts[c] + lane), starts[c + one], lanes):
-                b, p = load_quad(before, indices[e]), load_quad(position, indices[e])
-                if p[0] != b[0] or p[1] != b[1] or p[2] != b[2]:
-                    has_moved = one
-        shared[thread] = has_moved
-        cuda.syncthreads()
-        for n in range(LANES):
-            has_moved = np.int32(has_moved | shared[thread - lane + n])
-        if stops and has_moved == 0:
-            for e in range(np.int32(starts[c] + lane), starts[c + one], lanes):
-                store_quad(velocity, indices[e], zero, zero, zero, zero)
-
-    kernels = move, rate, update, update_calmed, rest, steady
-    return make_kernels(kernels, f"bodies_rigid_{variant_name(real, math, parts)}", **kernel_options(math))
+    """Compile `move`, `rate`, `update`, `update_calmed`, `rest` and `steady`."""
+    names = {"rate_of": make_motion(real, math, parts, AXES).rate_of}
+    variant = device_variant(real, math, features_of(parts & {"pins", "speed-limit", "sleeping"}))
+    kernels = move, *(filled(kernel, names) for kernel in (rate, update, update_calmed)), rest, steady
+    return kernels_of(variant, math, kernels, f"bodies_rigid_{variant_name(real, math, parts)}")
 
 
 class RigidMotion:

@@ -27,6 +27,7 @@ from softlab.model.base.variant import (
     filled,
     formula,
     inlined_routine,
+    inlined_throughout,
     instruction,
     integer_formula,
     is_formula,
@@ -79,6 +80,11 @@ def scaled(x):
 @formula
 def ended(x):
     return end(x) + TERMS[1]
+
+
+@formula
+def ended_and_halved(x):
+    return halved(ended(x))
 
 
 @formula
@@ -150,6 +156,16 @@ def test_literals_and_constants_have_the_precision(kind: Any) -> None:
 def test_as_plain_python_it_is_the_function_that_stands_there() -> None:
     assert halved(3.0) == Variant(np.float64)(halved)(3.0) == 0.5 * (THIRD * 3.0)
     assert filled(ended, {"end": third})(3.0) == THIRD * 3.0 + 0.2
+
+
+def test_names_are_filled_in_what_is_called_too() -> None:
+    """Unless that fills them itself."""
+    variant, closed = Variant(np.float64), filled(ended, {"end": third})
+    made = variant(filled(ended_and_halved, {"end": third}))
+    assert made(3.0) == halved(closed(3.0)) and made is variant(filled(ended_and_halved, {"end": third}))
+    assert filled(closed, {"end": halved})(3.0) == closed(3.0)
+    with pytest.raises(TypeError, match=r"compile filled\(ended, \.\.\.\): end\(x\)"):
+        variant(ended_and_halved)
 
 
 @pytest.mark.usefixtures("features")
@@ -402,3 +418,26 @@ def test_an_integer_that_depends_on_the_precision(precision: Any, block: int) ->
     assert Variant(precision)(of_blocks)(3) == 3 * block
     assert type(Variant(precision)(of_blocks).__globals__["BLOCK"]) is int
     assert of_blocks(3) == 3 * 8
+nearly = inlined_throughout(ended_and_halved)
+
+
+@routine
+def stores_nearly(values):
+    values[0] = nearly(values[0]) + halved(values[0])
+
+
+def test_a_formula_is_inlined_with_all_that_it_calls() -> None:
+    """And compiled as usual where it is called by its own name."""
+    compiled: list[str] = []
+
+    def way(name: str) -> Any:
+        return lambda function: compiled.append(f"{function.__name__} {name}") or function
+
+    variant = Variant(np.float64, way("compiled"), ways={"inlined": way("inlined")})
+    values, names = np.array([3.0]), {"end": third}
+    variant.copied(filled(stores_nearly, names))(values)
+    assert values[0] == halved(filled(ended, names)(3.0)) + halved(3.0)
+    assert sorted(compiled) == [
+        "ended inlined", "ended_and_halved inlined", "halved compiled", "halved inlined", "third compiled",
+        "third inlined",
+    ]  # fmt: skip

@@ -268,7 +268,7 @@ GPU: tuple[Mistake, ...] = (
         "gpu_backend/shape_matching/kernels.py",
         "simulator/test_simulated_bits.py::test_kernels_have_the_bits_of_the_cpu[bodies-float32]",
         {
-            "a lane skips its second entry (gpu)": ("np.int32(starts[c] + lane), starts[c + one], lanes)", "np.int32(starts[c] + lane), starts[c + one], lanes + lanes)"),
+            "a lane skips its second entry (gpu)": ("np.int32(starts[c] + lane), starts[c + ONE], LANES_32)", "np.int32(starts[c] + lane), starts[c + ONE], LANES_32 + LANES_32)"),
             "a cluster's moments are read by columns (gpu)": ("xx, xy, xz = added(xx, wx, m[0]), added(xy, wx, m[1]), added(xz, wx, m[2])", "xx, xy, xz = added(xx, wx, m[0]), added(xy, wy, m[0]), added(xz, wz, m[0])"),
         },
     ),
