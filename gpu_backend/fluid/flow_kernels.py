@@ -194,7 +194,7 @@ def take(position, number, reals, numbers, sinks, there, keys, slots, counts):
             if ended:
                 there[number[k]] = 0
             else:
-                key = cell_key(p, reals, numbers)
+                key = np.int32(cell_key(p, reals, numbers))
                 keys[k], slots[k] = key, cuda.atomic.add(counts, key, np.int32(1))
 
 

@@ -139,14 +139,14 @@ def cell_key(p, reals, numbers):
     x = cell_of(p[0], reals[LOW], reals[INVERSE], numbers[WIDTH])
     y = cell_of(p[1], reals[LOW + 1], reals[INVERSE + 1], numbers[HEIGHT])
     z = cell_of(p[2], reals[LOW + 2], reals[INVERSE + 2], numbers[DEPTH])
-    return np.int32((z * numbers[HEIGHT] + y) * numbers[WIDTH] + x)
+    return (z * numbers[HEIGHT] + y) * numbers[WIDTH] + x
 
 
 @routine
 def hash_particles(position, reals, numbers, keys, slots, counts):
     k = np.int32(cuda.grid(1))
     if k < keys.size:
-        key = cell_key(load_quad(position, k), reals, numbers)
+        key = np.int32(cell_key(load_quad(position, k), reals, numbers))
         keys[k], slots[k] = key, cuda.atomic.add(counts, key, np.int32(1))
 
 
