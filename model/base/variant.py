@@ -63,6 +63,7 @@ FEATURES = {  # what a variant may have and a formula may ask for
     "damped": "there is a damper",
     "distance_field": "there are distance fields among the colliders",
     "drag": "a fluid has drag",
+    "emitter": "a fluid has emitters",
     "flow": "a fluid has emitters or sinks",
     "fluids": "there are several fluids",
     "friction": "contacts have friction",
@@ -82,8 +83,10 @@ FEATURES = {  # what a variant may have and a formula may ask for
     "periodic_y": "the domain is periodic along y",
     "periodic_z": "the domain is periodic along z",
     "plane": "there are planes among the colliders",
+    "repeats": "the domain is periodic",
     "shapes": "neighbours need normals and vorticities",
     SINGLE: "float32",
+    "sink": "a fluid has sinks",
     "smoothing": "neighbours change a fluid's velocities",
     "soft": "constraints have a compliance",
     "solids": "there are samples of solids among a fluid's particles",
@@ -189,6 +192,13 @@ class Filled:
 def filled(function: Any, names: dict[str, Any]) -> Any:
     """Return a formula with formulas in the place of its open `names`."""
     return Filled(function, names)
+
+
+def filled_in_turn(functions: Iterable[Any], names: dict[str, Any]) -> dict[str, Any]:
+    """Return `names` and, by their names, `functions`, each filled with the names before it."""
+    for function in functions:
+        names = names | {function.__name__: filled(function, names)}
+    return names
 
 
 def plain(function: F) -> F:
