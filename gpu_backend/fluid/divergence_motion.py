@@ -19,7 +19,7 @@ from softlab.gpu_backend.fluid.others import clock, collide, particle_force
 from softlab.gpu_backend.fluid.sums import row
 from softlab.gpu_backend.fluid.walls import settled
 from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, filled, inlined_routine, routine
+from softlab.model.base.variant import FEATURE, filled, filled_in_turn, inlined_routine, routine
 from softlab.model.fluid.parameters import F_BUOYANCY, F_CHANGE, F_DRAG, F_SPEED, F_SURFACE_DRAG, F_WEIGHT
 from softlab.model.fluid.plan import fluid_features
 from softlab.model.formulas.fluid.divergence import gained
@@ -127,7 +127,7 @@ def make_free_motion(real: Real, math: str, parts: frozenset[str], repeats: froz
     new_position, new_velocity)`. `before`: positions and fluids of particles; `world`: bodies, integers, counter,
     place, substeps, substep.
     """
-    variant, names = device_variant(real, math, fluid_features(parts, repeats)), wall_routines(real, math, parts)
-    names = names | {"velocity_after_forces": filled(velocity_after_forces, names)}
+    variant = device_variant(real, math, fluid_features(parts, repeats))
+    names = filled_in_turn((velocity_after_forces,), wall_routines(real, math, parts))
     kernels = gather, take_up, filled(accelerate, names), filled(move, names)
     return kernels_of(variant, math, kernels, f"fluid_{variant_name(real, math, parts, repeats)}")

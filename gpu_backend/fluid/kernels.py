@@ -39,7 +39,7 @@ from softlab.gpu_backend.fluid.sums import (
 )
 from softlab.gpu_backend.fluid.walls import routines_of_walls, walls
 from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, filled, inlined_routine, routine
+from softlab.model.base.variant import FEATURE, filled, filled_in_turn, inlined_routine, routine
 from softlab.model.fluid.parameters import F_WEIGHT
 from softlab.model.fluid.plan import fluid_features
 from softlab.model.formulas.fluid.density import change, change_alone, constraint, moved
@@ -192,8 +192,9 @@ def correct(
 @cache
 def wall_routines(real: Real, math: str, parts: frozenset[str]) -> dict[str, Any]:
     """Return functions of other packages, and `walls`, `settled`, `wall_terms`, `move`, filled."""
-    names = functions_of_others(real, math, parts) | routines_of_walls(real, math, parts)
-    return names | {"wall_terms": filled(wall_terms, names), "move": filled(move, names)}
+    return filled_in_turn(
+        (wall_terms, move), functions_of_others(real, math, parts) | routines_of_walls(real, math, parts)
+    )
 
 
 @cache

@@ -25,7 +25,7 @@ from softlab.gpu_backend.fluid.sort_kernels import UNBOUNDED, store_box
 from softlab.gpu_backend.fluid.sums import List, row
 from softlab.gpu_backend.fluid.walls import settled
 from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, filled, inlined_routine, routine
+from softlab.model.base.variant import FEATURE, filled, filled_in_turn, inlined_routine, routine
 from softlab.model.fluid.parameters import (
     F_BUOYANCY,
     F_CHANGE,
@@ -219,7 +219,7 @@ def make_settle(real: Real, math: str, parts: frozenset[str], repeats: frozenset
     follows; `update(before, predicted_velocity, position, record, multipliers, fluids, *world, new_position,
     new_velocity)`: velocities only; `limit(position, velocity, constraints, record, fluids)`.
     """
-    variant, names = device_variant(real, math, fluid_features(parts, repeats)), wall_routines(real, math, parts)
-    names = names | {"after_colliders": filled(after_colliders, names)}
+    variant = device_variant(real, math, fluid_features(parts, repeats))
+    names = filled_in_turn((after_colliders,), wall_routines(real, math, parts))
     kernels = [variant.copied(filled(kernel, names)) for kernel in (settle, update, limit)]
     return make_kernels(kernels, f"fluid_{variant_name(real, math, parts, repeats)}", **walk_options(real, math))
