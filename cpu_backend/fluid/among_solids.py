@@ -27,7 +27,6 @@ from softlab.cpu_backend.fluid.solid_phases import (
     sample,
 )
 from softlab.cpu_backend.fluid.solver import Fluid
-from softlab.cpu_backend.fluid.walls import filled_wall_rows
 from softlab.model.base.types import Real
 from softlab.model.base.variant import filled
 from softlab.model.core.plan import Moment, StageRun
@@ -42,9 +41,8 @@ def make_solid_stages(real: Real, math: str, parts: frozenset[str]) -> SimpleNam
     """Compile the phases that involve solids, each as a parallel loop (bands, ...)."""
     compiler = fluid_compiler("fluid_solids", real, math, parts)
     variant, names = fluid_variant(compiler, real, parts - {"averaged"}), functions_of_others(compiler, real, parts)
-    names |= {"wall_rows": filled_wall_rows(names)}
-    phases = sample, gather, follow, push, *(filled(phase, names) for phase in (factors, constrain, correct))
-    return SimpleNamespace(**{phase.__name__: compiler.banded(variant(phase)) for phase in phases})
+    phases = sample, gather, follow, push, factors, constrain, correct
+    return SimpleNamespace(**{phase.__name__: compiler.banded(variant(filled(phase, names))) for phase in phases})
 
 
 class SolidPlaces(Protocol):

@@ -29,7 +29,7 @@ from softlab.cpu_backend.fluid.rows import (
     vector_at,
 )
 from softlab.cpu_backend.fluid.walls import wall_rows
-from softlab.model.base.variant import FEATURE, Open, routine
+from softlab.model.base.variant import FEATURE, Open, filled, routine
 
 constrains: Any = Open("True if `factors` also does the first `constrain`, which sums over the same neighbours")
 
@@ -96,6 +96,9 @@ def factors(part, shared, number, world, parameters, fluids, bodies, kinds):
                 row_at(work.multiplier, base), row_at(delta, base), row_at(work.error, base),
             )  # fmt: skip
             put_changes(row_at(place, QUADS * capacity + QUAD * base), row_at(delta, base))
+
+
+find, prepare = (filled(factors, {"constrains": also}) for also in (False, True))
 
 
 @routine

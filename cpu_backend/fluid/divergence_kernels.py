@@ -8,23 +8,18 @@ from functools import cache
 from types import SimpleNamespace
 from typing import Any
 
-from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.progress import assigned
-from softlab.cpu_backend.fluid.constraint import factors
+from softlab.cpu_backend.fluid.constraint import find
 from softlab.cpu_backend.fluid.divergence import foresee, move, push, relax, survey, take_up
-from softlab.cpu_backend.fluid.divergence_pairs import accelerate, forced, gather
-from softlab.cpu_backend.fluid.impact import filled_settled
+from softlab.cpu_backend.fluid.divergence_pairs import accelerate, gather
 from softlab.cpu_backend.fluid.kernels import fluid_compiler, fluid_variant, sort
 from softlab.cpu_backend.fluid.others import functions_of_others
 from softlab.cpu_backend.fluid.phases import enter, put, tally
 from softlab.cpu_backend.fluid.velocities import shape
-from softlab.cpu_backend.fluid.walls import filled_wall_rows
 from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, Open, filled, filled_in_turn, routine
+from softlab.model.base.variant import FEATURE, filled, routine
 from softlab.model.core.plan import Moment, StageRun
 from softlab.model.fluid.divergence_plan import SECOND
-
-find = Open("find(part, parts, number, world, ...): `factors` that do not constrain")
 
 
 @routine
@@ -65,13 +60,6 @@ def advance(
             move(part, bands, number, world, parameters, fluids, bodies, kinds)
 
 
-def _filled_phases(compiler: Compiler, real: Real, parts: frozenset[str]) -> dict[str, Any]:
-    """Return the phases with open names, and what they call, filled, by their names."""
-    names = functions_of_others(compiler, real, parts)
-    names |= {"wall_rows": filled_wall_rows(names), "settled": filled_settled(names), "constrains": False}
-    return filled_in_turn((survey, forced, accelerate, move), names | {"find": filled(factors, names)})
-
-
 @cache
 def make_advance_freely(real: Real, math: str, parts: frozenset[str]) -> Callable:
     """Compile advance(bands, steps, step, substeps, iterations, world, parameters, fluids, integers, bodies, kinds).
@@ -79,7 +67,7 @@ def make_advance_freely(real: Real, math: str, parts: frozenset[str]) -> Callabl
     It runs many steps in one call.
     """
     compiler = fluid_compiler("fluid_free", real, math, parts)
-    kernel = filled(advance, _filled_phases(compiler, real, parts))
+    kernel = filled(advance, functions_of_others(compiler, real, parts))
     return compiler.team(fluid_variant(compiler, real, parts).copied(kernel))
 
 
@@ -87,12 +75,13 @@ def make_advance_freely(real: Real, math: str, parts: frozenset[str]) -> Callabl
 def make_free_stages(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Compile each phase as a parallel loop (bands, ...); `sort` runs three phases by a team."""
     compiler = fluid_compiler("fluid_free_stages", real, math, parts)
-    variant, phases = fluid_variant(compiler, real, parts), _filled_phases(compiler, real, parts)
-    loops = {name: phases[name] for name in ("find", "survey", "accelerate", "move")}
-    loops |= {each.__name__: each for each in (gather, foresee, relax, push, take_up, shape)}
+    variant, names = fluid_variant(compiler, real, parts), functions_of_others(compiler, real, parts)
+    loops = {"find": find} | {
+        each.__name__: each for each in (gather, survey, foresee, relax, push, take_up, shape, accelerate, move)
+    }
     return SimpleNamespace(
         sort=compiler.team(variant.copied(sort)),
-        **{name: compiler.banded(variant(loop)) for name, loop in loops.items()},
+        **{name: compiler.banded(variant(filled(loop, names))) for name, loop in loops.items()},
     )
 
 

@@ -9,7 +9,15 @@ import numpy as np
 from softlab.cpu_backend.contact.colliders import BOX, CAPSULE, FIELD, MESH, PLANE, SPHERE
 from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.fluid.others import instants, point, touch
-from softlab.cpu_backend.fluid.walls import aways_of_walls
+from softlab.cpu_backend.fluid.walls import (
+    away,
+    from_box,
+    from_capsule,
+    from_field,
+    from_mesh,
+    from_plane,
+    from_sphere,
+)
 from softlab.model.base.variant import FEATURE, Open, filled, routine
 from softlab.model.contact.cloth_parameters import (
     B_SPIN,
@@ -22,16 +30,11 @@ from softlab.model.contact.cloth_parameters import (
     B_W,
     COLLIDER_FIELDS,
 )
-from softlab.model.fluid.plan import WALLS
 from softlab.model.formulas.fluid.density import beyond, joined_density, rate, wall_density, wall_near, wall_slope
 from softlab.model.formulas.fluid.impact import after_impact, rebound, surface_velocity, wall_push, without
 from softlab.model.formulas.fluid.motion import drifted, limited_change, speed_of
 
-away = Open("away(body, time, max_distance, x, y, z): (distance, normal) of a position from a collider's surface")
 turns: Any = Open("True if colliders of the kind may turn")
-at_plane, at_sphere, at_capsule, at_box, at_mesh_collider, at_distance_field = (
-    Open(f"at_{kind}(...): settle_at with the `away` of a {kind}") for kind in WALLS
-)
 
 
 @routine
@@ -72,6 +75,12 @@ def settle_at(body, arguments, total, vx, vy, vz):
     return total, without(vx, speed, nx), without(vy, speed, ny), without(vz, speed, nz)
 
 
+at_plane, at_sphere, at_capsule, at_box, at_mesh, at_field = (
+    filled(settle_at, {"away": each, "turns": each in (from_mesh, from_field)})
+    for each in (from_plane, from_sphere, from_capsule, from_box, from_mesh, from_field)
+)
+
+
 @routine
 def settled(bodies, kinds, number, parameters, qx, qy, qz, vx, vy, vz, ux, uy, uz, multiplier, weight):
     """Return the velocity v of a particle at q without the rebound from walls; u: that before corrections."""
@@ -90,16 +99,7 @@ def settled(bodies, kinds, number, parameters, qx, qy, qz, vx, vy, vz, ux, uy, u
         if FEATURE.box and kinds[b] == BOX:
             total, vx, vy, vz = at_box(body, arguments, total, vx, vy, vz)
         if FEATURE.mesh_collider and kinds[b] == MESH:
-            total, vx, vy, vz = at_mesh_collider(body, arguments, total, vx, vy, vz)
+            total, vx, vy, vz = at_mesh(body, arguments, total, vx, vy, vz)
         if FEATURE.distance_field and kinds[b] == FIELD:
-            total, vx, vy, vz = at_distance_field(body, arguments, total, vx, vy, vz)
+            total, vx, vy, vz = at_field(body, arguments, total, vx, vy, vz)
     return vx, vy, vz
-
-
-def filled_settled(names: dict[str, Any]) -> Any:
-    """Return `settled`, filled; `names`: of functions of others."""
-    at_kinds = {
-        f"at_{kind}": filled(settle_at, names | {"away": away, "turns": kind in ("mesh_collider", "distance_field")})
-        for kind, away in aways_of_walls(names).items()
-    }
-    return filled(settled, names | at_kinds)

@@ -5,27 +5,21 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.progress import assigned
-from softlab.cpu_backend.fluid.cells import predict_particles
-from softlab.cpu_backend.fluid.constraint import constrain, correct, factors
+from softlab.cpu_backend.fluid.constraint import constrain, correct, find, prepare
 from softlab.cpu_backend.fluid.flow import drain, emit, emit_particles, rest, there_of
 from softlab.cpu_backend.fluid.flow import sort as sort_active
-from softlab.cpu_backend.fluid.impact import filled_settled, impact_of
 from softlab.cpu_backend.fluid.others import functions_of_others
 from softlab.cpu_backend.fluid.phases import cells_in, enter, predict, put, tally
-from softlab.cpu_backend.fluid.velocities import at_walls, finish, shape, update
-from softlab.cpu_backend.fluid.walls import filled_wall_rows
+from softlab.cpu_backend.fluid.velocities import finish, shape, update
 from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, Open, Variant, filled, filled_in_turn, routine
+from softlab.model.base.variant import FEATURE, Variant, filled, routine
 from softlab.model.fluid.parameters import MAX_NEIGHBOURS
 from softlab.model.fluid.plan import FLOWS, fluid_features
-
-prepare = Open("prepare(part, parts, number, world, ...): `factors` that also constrains")
 
 
 @routine
@@ -98,17 +92,6 @@ def fluid_variant(compiler: Compiler, real: Real, parts: frozenset[str]) -> Vari
     return compiler.variant_of(real, features | {"neighbours": MAX_NEIGHBOURS[features["axes"]]})
 
 
-def filled_phases(compiler: Compiler, real: Real, parts: frozenset[str]) -> dict[str, Any]:
-    """Return the phases with open names, and what they call, filled, by their names."""
-    names = functions_of_others(compiler, real, parts)
-    names |= {"wall_rows": filled_wall_rows(names), "settled": filled_settled(names)}
-    names |= {
-        "find": filled(factors, names | {"constrains": False}),
-        "prepare": filled(factors, names | {"constrains": True}),
-    }
-    return filled_in_turn((predict_particles, predict, constrain, correct, impact_of, at_walls, update), names)
-
-
 @cache
 def make_advance(real: Real, math: str, parts: frozenset[str]) -> Callable:
     """Compile advance(bands, steps, step, substeps, iterations, everyone, parameters, fluids, integers, bodies, kinds,
@@ -118,7 +101,7 @@ def make_advance(real: Real, math: str, parts: frozenset[str]) -> Callable:
     cpu_backend/fluid/flow.py, if the scene has emitters or sinks.
     """
     compiler = fluid_compiler("fluid", real, math, parts)
-    kernel = filled(advance, filled_phases(compiler, real, parts))
+    kernel = filled(advance, functions_of_others(compiler, real, parts))
     return compiler.team(fluid_variant(compiler, real, parts).copied(kernel))
 
 
@@ -127,11 +110,11 @@ def make_stages(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace
     """Compile each phase as a parallel loop (bands, ...). `sort` runs its phases by a team, and with emitters or sinks
     `emit` too."""
     compiler = fluid_compiler("fluid_stages", real, math, parts)
-    variant, phases = fluid_variant(compiler, real, parts), filled_phases(compiler, real, parts)
-    names = ("predict", "find", "constrain", "correct", "update")
-    loops = {name: phases[name] for name in names} | {"shape": shape, "finish": finish}
+    variant, names = fluid_variant(compiler, real, parts), functions_of_others(compiler, real, parts)
+    loops = {"predict": predict, "find": find, "constrain": constrain, "correct": correct, "update": update}
+    loops |= {"shape": shape, "finish": finish}
     teams = {"sort": sort_active, "emit": emit} if parts & FLOWS else {"sort": sort}
     return SimpleNamespace(
-        **{name: compiler.banded(variant(loop)) for name, loop in loops.items()},
+        **{name: compiler.banded(variant(filled(loop, names))) for name, loop in loops.items()},
         **{name: compiler.team(variant.copied(team)) for name, team in teams.items()},
     )

@@ -3,8 +3,6 @@ range contributes zeros."""
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from softlab.cpu_backend.contact.colliders import BOX, CAPSULE, FIELD, MESH, PLANE, SPHERE
@@ -29,7 +27,6 @@ from softlab.model.contact.cloth_parameters import (
     B_Z,
     COLLIDER_FIELDS,
 )
-from softlab.model.fluid.plan import WALLS
 from softlab.model.formulas.colliders import box, capsule, plane, sphere
 from softlab.model.formulas.fluid.density import (
     beyond,
@@ -43,9 +40,6 @@ from softlab.model.formulas.fluid.surfaces import distance_field, mesh_collider
 
 surface = Open("surface(body, tree, path, time, position, max_distance): the formula of a collider made from a mesh")
 away = Open("away(body, time, max_distance, x, y, z): (distance, normal) of a position from a collider's surface")
-plane_row, sphere_row, capsule_row, box_row, mesh_collider_row, distance_field_row = (
-    Open(f"{kind}_row(...): wall_row with the `away` of a {kind}") for kind in WALLS
-)
 
 
 @routine
@@ -100,6 +94,12 @@ def wall_row(body, time, support, inverse_range, scale, gradient, x, y, z, wall_
         wall_part[lane] = joined_density(wall_part[lane], more)
 
 
+plane_row, sphere_row, capsule_row, box_row, mesh_row, field_row = (
+    filled(wall_row, {"away": each})
+    for each in (from_plane, from_sphere, from_capsule, from_box, from_mesh, from_field)
+)
+
+
 @routine
 def wall_rows(bodies, kinds, time, parameters, x, y, z, wall_part, gx, gy, gz):
     """Write what all colliders at `time` [s] contribute to the density of LANES particles, and its gradient."""
@@ -117,18 +117,6 @@ def wall_rows(bodies, kinds, time, parameters, x, y, z, wall_part, gx, gy, gz):
         if FEATURE.box and kinds[b] == BOX:
             box_row(body, time, *scales, x, y, z, wall_part, gx, gy, gz)
         if FEATURE.mesh_collider and kinds[b] == MESH:
-            mesh_collider_row(body, time, *scales, x, y, z, wall_part, gx, gy, gz)
+            mesh_row(body, time, *scales, x, y, z, wall_part, gx, gy, gz)
         if FEATURE.distance_field and kinds[b] == FIELD:
-            distance_field_row(body, time, *scales, x, y, z, wall_part, gx, gy, gz)
-
-
-def aways_of_walls(names: dict[str, Any]) -> dict[str, Any]:
-    """Return the `away` of each kind of colliders; `names`: of functions of others."""
-    by_point = (filled(each, names) for each in (from_plane, from_sphere, from_capsule, from_box))
-    return dict(zip(WALLS, (*by_point, from_mesh, from_field), strict=True))
-
-
-def filled_wall_rows(names: dict[str, Any]) -> Any:
-    """Return `wall_rows`, filled."""
-    rows = {f"{kind}_row": filled(wall_row, {"away": away}) for kind, away in aways_of_walls(names).items()}
-    return filled(wall_rows, rows)
+            field_row(body, time, *scales, x, y, z, wall_part, gx, gy, gz)

@@ -19,8 +19,8 @@ from softlab.gpu_backend.core.compile import kernels_of, variant_name
 from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
 from softlab.gpu_backend.core.world import World
-from softlab.gpu_backend.fluid.kernels import WALL, wall_at, wall_routines
-from softlab.gpu_backend.fluid.others import clock
+from softlab.gpu_backend.fluid.kernels import WALL, wall_at
+from softlab.gpu_backend.fluid.others import clock, functions_of_others
 from softlab.gpu_backend.fluid.sums import List, pair, row, sum_correction, sum_density
 from softlab.gpu_backend.fluid.walls import walls
 from softlab.model.base.types import Real
@@ -130,7 +130,7 @@ def make_targets(real: Real, math: str, parts: frozenset[str], repeats: frozense
     gradients, targets)`: the targets of the second solve. `world`: bodies, integers, counter, place, substeps, substep.
     """
     variant = device_variant(real, math, fluid_features(parts, repeats))
-    kernels = filled(survey, wall_routines(real, math, parts)), foresee
+    kernels = filled(survey, functions_of_others(real, math, parts)), foresee
     return kernels_of(variant, math, kernels, f"fluid_{variant_name(real, math, parts, repeats)}")
 
 

@@ -13,13 +13,12 @@ from softlab.gpu_backend.core.compile import kernels_of, variant_name
 from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
 from softlab.gpu_backend.core.world import World
-from softlab.gpu_backend.fluid.kernels import wall_routines
 from softlab.gpu_backend.fluid.motion import SLOWED, limit_change, limit_speed
-from softlab.gpu_backend.fluid.others import clock, collide, particle_force
+from softlab.gpu_backend.fluid.others import clock, collide, functions_of_others, particle_force
 from softlab.gpu_backend.fluid.sums import row
 from softlab.gpu_backend.fluid.walls import settled
 from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, filled, filled_in_turn, inlined_routine, routine
+from softlab.model.base.variant import FEATURE, filled, inlined_routine, routine
 from softlab.model.fluid.parameters import F_BUOYANCY, F_CHANGE, F_DRAG, F_SPEED, F_SURFACE_DRAG, F_WEIGHT
 from softlab.model.fluid.plan import fluid_features
 from softlab.model.formulas.fluid.divergence import gained
@@ -128,6 +127,6 @@ def make_free_motion(real: Real, math: str, parts: frozenset[str], repeats: froz
     place, substeps, substep.
     """
     variant = device_variant(real, math, fluid_features(parts, repeats))
-    names = filled_in_turn((velocity_after_forces,), wall_routines(real, math, parts))
+    names = functions_of_others(real, math, parts)
     kernels = gather, take_up, filled(accelerate, names), filled(move, names)
     return kernels_of(variant, math, kernels, f"fluid_{variant_name(real, math, parts, repeats)}")

@@ -37,9 +37,9 @@ from softlab.gpu_backend.fluid.sums import (
     sum_factor,
     weights_of,
 )
-from softlab.gpu_backend.fluid.walls import routines_of_walls, walls
+from softlab.gpu_backend.fluid.walls import walls
 from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, filled, filled_in_turn, inlined_routine, routine
+from softlab.model.base.variant import FEATURE, filled, inlined_routine, routine
 from softlab.model.fluid.parameters import F_WEIGHT
 from softlab.model.fluid.plan import fluid_features
 from softlab.model.formulas.fluid.density import change, change_alone, constraint, moved
@@ -190,14 +190,6 @@ def correct(
 
 
 @cache
-def wall_routines(real: Real, math: str, parts: frozenset[str]) -> dict[str, Any]:
-    """Return functions of other packages, and `walls`, `settled`, `wall_terms`, `move`, filled."""
-    return filled_in_turn(
-        (wall_terms, move), functions_of_others(real, math, parts) | routines_of_walls(real, math, parts)
-    )
-
-
-@cache
 def make_density_kernels(
     real: Real, math: str, parts: frozenset[str], repeats: frozenset[str], neighbours: int
 ) -> SimpleNamespace:
@@ -210,7 +202,10 @@ def make_density_kernels(
     found; `relaxed`: factors, multipliers, constraints, gradients; `world`: bodies, integers, counter, place, substeps,
     substep.
     """
-    names, features = wall_routines(real, math, parts), fluid_features(parts, repeats) | {"neighbours": neighbours}
+    names, features = (
+        functions_of_others(real, math, parts),
+        fluid_features(parts, repeats) | {"neighbours": neighbours},
+    )
     variant = device_variant(real, math, features)
     label = f"fluid_{variant_name(real, math, parts, repeats)}"
     searching = kernels_of(variant, math, (find, filled(prepare, names)), label)

@@ -19,13 +19,13 @@ from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
 from softlab.gpu_backend.core.world import World
 from softlab.gpu_backend.fluid.extent import extent
-from softlab.gpu_backend.fluid.kernels import move, walk_options, wall_routines
+from softlab.gpu_backend.fluid.kernels import move, walk_options
 from softlab.gpu_backend.fluid.others import clock, collide, functions_of_others, particle_force
 from softlab.gpu_backend.fluid.sort_kernels import UNBOUNDED, store_box
 from softlab.gpu_backend.fluid.sums import List, row
 from softlab.gpu_backend.fluid.walls import settled
 from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, filled, filled_in_turn, inlined_routine, routine
+from softlab.model.base.variant import FEATURE, filled, inlined_routine, routine
 from softlab.model.fluid.parameters import (
     F_BUOYANCY,
     F_CHANGE,
@@ -219,7 +219,6 @@ def make_settle(real: Real, math: str, parts: frozenset[str], repeats: frozenset
     follows; `update(before, predicted_velocity, position, record, multipliers, fluids, *world, new_position,
     new_velocity)`: velocities only; `limit(position, velocity, constraints, record, fluids)`.
     """
-    variant = device_variant(real, math, fluid_features(parts, repeats))
-    names = filled_in_turn((after_colliders,), wall_routines(real, math, parts))
+    variant, names = device_variant(real, math, fluid_features(parts, repeats)), functions_of_others(real, math, parts)
     kernels = [variant.copied(filled(kernel, names)) for kernel in (settle, update, limit)]
     return make_kernels(kernels, f"fluid_{variant_name(real, math, parts, repeats)}", **walk_options(real, math))

@@ -16,8 +16,8 @@ from softlab.gpu_backend.core.compile import kernels_of, variant_name
 from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.quads import AXES, SIZE, load_quad, store_quad
 from softlab.gpu_backend.core.world import World
-from softlab.gpu_backend.fluid.kernels import relax, wall_at, wall_routines, wall_terms
-from softlab.gpu_backend.fluid.others import clock, collide
+from softlab.gpu_backend.fluid.kernels import relax, wall_at, wall_terms
+from softlab.gpu_backend.fluid.others import clock, collide, functions_of_others
 from softlab.gpu_backend.fluid.sums import List, pair, row
 from softlab.model.base.types import Real
 from softlab.model.base.variant import FEATURE, filled, inlined_routine, routine
@@ -256,6 +256,6 @@ def make_solid_kernels(real: Real, math: str, parts: frozenset[str]) -> SimpleNa
     fluids, kinds, gradients, rows, *world, shift, into)`. `rows`: of fluids; `relaxed`, `world`: as in
     gpu_backend/fluid/kernels.py; `shift` (samples, 3): shift of each sample.
     """
-    variant, names = device_variant(real, math, fluid_features(parts)), wall_routines(real, math, parts)
+    variant, names = device_variant(real, math, fluid_features(parts)), functions_of_others(real, math, parts)
     kernels = [filled(kernel, names) for kernel in (factors, density, correct)]
     return kernels_of(variant, math, kernels, f"fluid_solids_{variant_name(real, math, parts)}")

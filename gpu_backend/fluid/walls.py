@@ -3,9 +3,6 @@ rebound from walls."""
 
 from __future__ import annotations
 
-from functools import cache
-from typing import Any
-
 import numpy as np
 
 from softlab.gpu_backend.contact.rows import (
@@ -27,8 +24,7 @@ from softlab.gpu_backend.contact.rows import (
     ROW,
 )
 from softlab.gpu_backend.core.integers import BOXES, CAPSULES, FIELDS, MESHES, PLANES, SPHERES
-from softlab.gpu_backend.fluid.others import functions_of_others, place_of
-from softlab.model.base.types import Real
+from softlab.gpu_backend.fluid.others import place_of
 from softlab.model.base.variant import FEATURE, Open, filled, inlined_routine
 from softlab.model.formulas.cloth import instant
 from softlab.model.formulas.colliders import box, capsule, plane, sphere
@@ -46,7 +42,6 @@ from softlab.model.formulas.fluid.surfaces import distance_field, mesh_collider
 
 away = Open("away(bodies, tree, path, time, position, max_distance): the formula of a collider made from a mesh")
 visit = Open("visit(sums, surface, bodies, at, end, parameters, turns, arguments): the four sums with a collider")
-each_wall = Open("each_wall(sums, p, world, step, arguments): `over_walls` with a `visit`")
 
 
 @inlined_routine
@@ -125,11 +120,14 @@ def joined(so_far, surface, bodies, at, end, parameters, turns, nothing):
     return joined_density(total, wall_part), gx, gy, gz
 
 
+over_joined = filled(over_walls, {"visit": joined})
+
+
 @inlined_routine
 def walls(p, world, step):
     """Return (density, gx, gy, gz), which all colliders that are walls contribute to the constraint of a particle at p (a
     quad), at the end of substep `step` (model/fluid/plan.py)."""
-    return each_wall((0.0, 0.0, 0.0, 0.0), p, world, step, 0.0)
+    return over_joined((0.0, 0.0, 0.0, 0.0), p, world, step, 0.0)
 
 
 @inlined_routine
@@ -149,6 +147,9 @@ def settle(so_far, surface, bodies, at, end, parameters, turns, arguments):
     return joined_density(total, wall_part), without(vx, speed, nx), without(vy, speed, ny), without(vz, speed, nz)
 
 
+over_settled = filled(over_walls, {"visit": settle})
+
+
 @inlined_routine
 def settled(q, v, u, multiplier, weight, world, step):
     """Return v without the rebound from walls.
@@ -158,14 +159,5 @@ def settled(q, v, u, multiplier, weight, world, step):
     """
     if not multiplier < 0.0:
         return v
-    _, vx, vy, vz = each_wall((0.0, v[0], v[1], v[2]), q, world, step, (q, u, multiplier, weight))
+    _, vx, vy, vz = over_settled((0.0, v[0], v[1], v[2]), q, world, step, (q, u, multiplier, weight))
     return vx, vy, vz
-
-
-@cache
-def routines_of_walls(real: Real, math: str, parts: frozenset[str]) -> dict[str, Any]:
-    """Return `walls` and `settled`, filled."""
-    names = functions_of_others(real, math, parts)
-    names = names | {"offset": filled(offset, names)}
-    over = [filled(over_walls, names | {"visit": each}) for each in (joined, filled(settle, names))]
-    return {"walls": filled(walls, {"each_wall": over[0]}), "settled": filled(settled, {"each_wall": over[1]})}

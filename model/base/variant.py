@@ -216,6 +216,7 @@ def open_names(function: Any) -> frozenset[str]:
     while left:
         one = left.pop()
         inner, known = (one.function, one.names) if isinstance(one, Filled) else (one, {})
+        left += [value for value in known.values() if is_formula(value)]
         for name in set(inner.__code__.co_names) - known.keys():
             value = inner.__globals__.get(name)
             if isinstance(value, Open):
@@ -287,7 +288,7 @@ class Variant:
             name: self._within(_filled_inside(known[name], names), function)
             for name in used & (known.keys() - names.keys())
         }
-        space |= {name: self._within(names[name], function) for name in used & names.keys()}
+        space |= {name: self._within(_filled_inside(names[name], names), function) for name in used & names.keys()}
         space |= {name: self.real(value) for name, value in constants.items()}
         space |= {"__name__": function.__module__, "__builtins__": builtins, PRODUCT: self.product}
         exec(code, space)
