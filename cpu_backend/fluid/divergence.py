@@ -188,8 +188,8 @@ def corrected_velocity(i, capacity, velocity, shift, parameters, most):
         gained(w, shift[2 * capacity + i], rate),
     )
     if FEATURE.limited_change:
-        FAR = speed_of(a - u, b - v, c - w)
-        return limited_change(a, u, FAR, most), limited_change(b, v, FAR, most), limited_change(c, w, FAR, most)
+        far = speed_of(a - u, b - v, c - w)
+        return limited_change(a, u, far, most), limited_change(b, v, far, most), limited_change(c, w, far, most)
     return a, b, c
 
 

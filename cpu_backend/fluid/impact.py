@@ -48,11 +48,11 @@ def impact_of(bodies, kinds, number, parameters, bx, by, bz, ux, uy, uz, px, py,
         vx, vy = after_impact(ux, px, qx, rate), after_impact(uy, py, qy, rate)
         vz = after_impact(uz, pz, qz, rate)
         if FEATURE.limited_change:
-            FAR = speed_of(vx - ux, vy - uy, vz - uz)
+            far = speed_of(vx - ux, vy - uy, vz - uz)
             vx, vy, vz = (
-                limited_change(vx, ux, FAR, most),
-                limited_change(vy, uy, FAR, most),
-                limited_change(vz, uz, FAR, most),
+                limited_change(vx, ux, far, most),
+                limited_change(vy, uy, far, most),
+                limited_change(vz, uz, far, most),
             )
     return qx, qy, qz, ux, uy, uz, vx, vy, vz
 

@@ -25,9 +25,9 @@ def velocities(rate, fluid, fluids, px, py, pz, bx, by, bz, predicted_u, predict
         c = velocity_of(pz[lane], bz[lane], rate)
         if FEATURE.limited_change:
             ma, mb, mc = predicted_u[lane], predicted_v[lane], predicted_w[lane]
-            FAR, most_change = speed_of(a - ma, b - mb, c - mc), fluids[row_of(fluid, lane) + F_CHANGE]
-            a, b = limited_change(a, ma, FAR, most_change), limited_change(b, mb, FAR, most_change)
-            c = limited_change(c, mc, FAR, most_change)
+            far, most_change = speed_of(a - ma, b - mb, c - mc), fluids[row_of(fluid, lane) + F_CHANGE]
+            a, b = limited_change(a, ma, far, most_change), limited_change(b, mb, far, most_change)
+            c = limited_change(c, mc, far, most_change)
         u[lane], v[lane], w[lane] = a, b, c
 
 
