@@ -11,13 +11,24 @@ from typing import Protocol
 
 import numpy as np
 
-from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import aligned_zeros
 from softlab.cpu_backend.fluid.arrays import Carriers, SamplePoints, SolidPoints, Solids
+from softlab.cpu_backend.fluid.kernels import fluid_compiler, fluid_variant
+from softlab.cpu_backend.fluid.others import functions_of_others
 from softlab.cpu_backend.fluid.quads import LANES
-from softlab.cpu_backend.fluid.solid_phases import SUMS, make_sampling, make_solid_constraint
+from softlab.cpu_backend.fluid.solid_phases import (
+    SUMS,
+    constrain,
+    correct,
+    factors,
+    follow,
+    gather,
+    push,
+    sample,
+)
 from softlab.cpu_backend.fluid.solver import Fluid
 from softlab.model.base.types import Real
+from softlab.model.base.variant import filled
 from softlab.model.core.plan import Moment, StageRun
 from softlab.model.core.simulation import Options
 from softlab.model.fluid.among_solids import KINDS, kinds_of
@@ -28,9 +39,10 @@ from softlab.model.scene.scene import Scene
 @cache
 def make_solid_stages(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Compile the phases that involve solids, each as a parallel loop (bands, ...)."""
-    compiler = Compiler(f"fluid_solids_{np.dtype(real).name}_{math}_{'_'.join(sorted(parts))}", math)
-    phases = vars(make_sampling(compiler, real)) | vars(make_solid_constraint(compiler, real, parts))
-    return SimpleNamespace(**{name: compiler.banded(phase) for name, phase in phases.items()})
+    compiler = fluid_compiler("fluid_solids", real, math, parts)
+    variant, names = fluid_variant(compiler, real, parts - {"averaged"}), functions_of_others(compiler, real, parts)
+    phases = sample, gather, follow, push, factors, constrain, correct
+    return SimpleNamespace(**{phase.__name__: compiler.banded(variant(filled(phase, names))) for phase in phases})
 
 
 class SolidPlaces(Protocol):

@@ -8,29 +8,56 @@ from functools import cache
 from types import SimpleNamespace
 from typing import Any
 
-from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.progress import assigned
-from softlab.cpu_backend.fluid.constraint import make_search_phases, make_sides_of
-from softlab.cpu_backend.fluid.divergence import make_push, make_solve, make_take_up
-from softlab.cpu_backend.fluid.divergence_pairs import make_accelerate, make_gather
-from softlab.cpu_backend.fluid.kernels import fluid_compiler, make_sort
-from softlab.cpu_backend.fluid.phases import make_order
-from softlab.cpu_backend.fluid.velocities import make_velocities
+from softlab.cpu_backend.fluid.constraint import find
+from softlab.cpu_backend.fluid.divergence import foresee, move, push, relax, survey, take_up
+from softlab.cpu_backend.fluid.divergence_pairs import accelerate, gather
+from softlab.cpu_backend.fluid.kernels import fluid_compiler, fluid_variant, sort
+from softlab.cpu_backend.fluid.others import functions_of_others
+from softlab.cpu_backend.fluid.phases import enter, put, tally
+from softlab.cpu_backend.fluid.velocities import shape
 from softlab.model.base.types import Real
+from softlab.model.base.variant import FEATURE, filled, routine
 from softlab.model.core.plan import Moment, StageRun
 from softlab.model.fluid.divergence_plan import SECOND
-from softlab.model.fluid.plan import SHAPES
 
 
-def _phases(compiler: Compiler, real: Real, parts: frozenset[str]) -> SimpleNamespace:
-    order = make_order(compiler, real, parts)
-    sides_of, searches = make_sides_of(compiler, real, parts), make_search_phases(compiler, real, parts, order.cells_in)
-    phases = vars(order) | vars(make_solve(compiler, real, parts, sides_of))
-    phases |= vars(make_push(compiler, real, parts, sides_of))
-    phases |= vars(make_take_up(compiler, real, parts))
-    phases |= vars(make_accelerate(compiler, real, parts, sides_of))
-    shape = make_velocities(compiler, real, parts, sides_of).shape
-    return SimpleNamespace(**phases, find=searches.find, shape=shape, gather=make_gather(compiler, real, parts))
+@routine
+def advance(
+    team, member, bands, steps, step, substeps, iterations, world, parameters, fluids, integers, bodies, kinds
+):  # fmt: skip
+    for turn in range(steps * substeps):
+        number, frame = step * substeps + turn, step + turn // substeps
+        for part in assigned(team, member, bands):
+            gather(part, bands, world, parameters)
+        for part in assigned(team, member, bands):
+            enter(part, bands, world, parameters)
+        for part in assigned(team, member, bands):
+            tally(part, bands, world, parameters)
+        for part in assigned(team, member, bands):
+            put(part, bands, world, parameters)
+        for part in assigned(team, member, bands):
+            find(part, bands, number, world, parameters, fluids, bodies, kinds)
+            survey(part, bands, number, world, parameters, bodies, kinds)
+        for second in range(2):
+            if second > 0:
+                if FEATURE.shapes:
+                    for part in assigned(team, member, bands):
+                        shape(part, bands, world.in_order.position, world, parameters)
+                for part in assigned(team, member, bands):
+                    accelerate(part, bands, frame, world, parameters, fluids, integers)
+                for part in assigned(team, member, bands):
+                    foresee(part, bands, world, parameters)
+            for k in range(iterations):
+                for part in assigned(team, member, bands):
+                    relax(part, bands, k, iterations, second > 0, world, parameters)
+                for part in assigned(team, member, bands):
+                    push(part, bands, k, world, parameters, fluids)
+            if second == 0:
+                for part in assigned(team, member, bands):
+                    take_up(part, bands, world, parameters, fluids)
+        for part in assigned(team, member, bands):
+            move(part, bands, number, world, parameters, fluids, bodies, kinds)
 
 
 @cache
@@ -40,59 +67,22 @@ def make_advance_freely(real: Real, math: str, parts: frozenset[str]) -> Callabl
     It runs many steps in one call.
     """
     compiler = fluid_compiler("fluid_free", real, math, parts)
-    phases = _phases(compiler, real, parts)
-    gather, enter, tally, put, find = phases.gather, phases.enter, phases.tally, phases.put, phases.find
-    survey, foresee, relax, push = phases.survey, phases.foresee, phases.relax, phases.push
-    take_up, accelerate, move = phases.take_up, phases.accelerate, phases.move
-    shape, has_shape = phases.shape, bool(parts & SHAPES)
-
-    def advance(
-        team, member, bands, steps, step, substeps, iterations, world, parameters, fluids, integers, bodies, kinds
-    ):  # fmt: skip
-        for turn in range(steps * substeps):
-            number, frame = step * substeps + turn, step + turn // substeps
-            for part in assigned(team, member, bands):
-                gather(part, bands, world, parameters)
-            for part in assigned(team, member, bands):
-                enter(part, bands, world, parameters)
-            for part in assigned(team, member, bands):
-                tally(part, bands, world, parameters)
-            for part in assigned(team, member, bands):
-                put(part, bands, world, parameters)
-            for part in assigned(team, member, bands):
-                find(part, bands, number, world, parameters, fluids, bodies, kinds)
-                survey(part, bands, number, world, parameters, bodies, kinds)
-            for second in range(2):
-                if second > 0:
-                    if has_shape:
-                        for part in assigned(team, member, bands):
-                            shape(part, bands, world.in_order.position, world, parameters)
-                    for part in assigned(team, member, bands):
-                        accelerate(part, bands, frame, world, parameters, fluids, integers)
-                    for part in assigned(team, member, bands):
-                        foresee(part, bands, world, parameters)
-                for k in range(iterations):
-                    for part in assigned(team, member, bands):
-                        relax(part, bands, k, iterations, second > 0, world, parameters)
-                    for part in assigned(team, member, bands):
-                        push(part, bands, k, world, parameters, fluids)
-                if second == 0:
-                    for part in assigned(team, member, bands):
-                        take_up(part, bands, world, parameters, fluids)
-            for part in assigned(team, member, bands):
-                move(part, bands, number, world, parameters, fluids, bodies, kinds)
-
-    return compiler.team(advance)
+    kernel = filled(advance, functions_of_others(compiler, real, parts))
+    return compiler.team(fluid_variant(compiler, real, parts).copied(kernel))
 
 
 @cache
 def make_free_stages(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Compile each phase as a parallel loop (bands, ...); `sort` runs three phases by a team."""
     compiler = fluid_compiler("fluid_free_stages", real, math, parts)
-    phases = _phases(compiler, real, parts)
-    names = "gather", "find", "survey", "foresee", "relax", "push", "take_up", "shape", "accelerate", "move"
-    loops = {name: compiler.banded(getattr(phases, name)) for name in names}
-    return SimpleNamespace(sort=make_sort(compiler, phases), **loops)
+    variant, names = fluid_variant(compiler, real, parts), functions_of_others(compiler, real, parts)
+    loops = {"find": find} | {
+        each.__name__: each for each in (gather, survey, foresee, relax, push, take_up, shape, accelerate, move)
+    }
+    return SimpleNamespace(
+        sort=compiler.team(variant.copied(sort)),
+        **{name: compiler.banded(variant(filled(loop, names))) for name, loop in loops.items()},
+    )
 
 
 def free_stages(sim: Any) -> dict[str, StageRun]:

@@ -3,135 +3,104 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from types import SimpleNamespace
-
 import numpy as np
 
-from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
-from softlab.cpu_backend.core.own_forces import make_particle_force
-from softlab.cpu_backend.fluid.cells import AXES, BOX, LARGEST, make_row_of
-from softlab.cpu_backend.fluid.lists import make_wrap
+from softlab.cpu_backend.fluid.cells import AXES, BOX, LARGEST, row_of
+from softlab.cpu_backend.fluid.constraint import sides_of
+from softlab.cpu_backend.fluid.lists import wrap
+from softlab.cpu_backend.fluid.others import particle_force
 from softlab.cpu_backend.fluid.quads import LANES
-from softlab.cpu_backend.fluid.smoothing import make_smoothing
-from softlab.model.base.types import Real
-from softlab.model.fluid.parameters import F_BUOYANCY, F_DRAG, F_SPEED, F_SURFACE_DRAG, MAX_NEIGHBOURS
-from softlab.model.fluid.plan import SMOOTHING
-from softlab.model.formulas.fluid import density, divergence, motion
+from softlab.cpu_backend.fluid.smoothing import smooth
+from softlab.model.base.variant import FEATURE, routine, row_routine
+from softlab.model.fluid.parameters import F_BUOYANCY, F_DRAG, F_SPEED, F_SURFACE_DRAG
+from softlab.model.formulas.fluid.density import apart, slope, squared
+from softlab.model.formulas.fluid.divergence import approach_added
+from softlab.model.formulas.fluid.motion import accelerated, braked, buoyant, slowed, speed_of, wrapped_offset
 
 
-def make_approaches(compiler: Compiler, real: Real, parts: frozenset[str]) -> Callable:
-    """Make approaches(many, first, entries, x, y, z, u, v, w, centre_x, ..., centre_w, sides, support, inverse, scale,
-    total).
-
-    It adds to `total` what a vector (u, v, w) of each particle contributes to the constraints. The arguments are those
-    of cpu_backend/fluid/pairs.py.
-    """
-    f, wrap = compiler.formulas(density, real), make_wrap(compiler, real, parts)
-    squared, apart, slope = f.squared, f.apart, f.slope
-    approach_added = compiler.formulas(divergence, real).approach_added
-
-    @compiler.row
-    def approaches(
-        many, first, entries, x, y, z, u, v, w, centre_x, centre_y, centre_z, centre_u, centre_v, centre_w, sides,
-        support, inverse, scale, total,
-    ):  # fmt: skip
-        for k in range(many):
-            for lane in range(LANES):
-                j = entries[k * LANES + lane]
-                dx, dy, dz = wrap(centre_x[lane] - x[j], centre_y[lane] - y[j], centre_z[lane] - z[j], sides)
-                dy = apart(dy, squared(dx, dy, dz), support, first + lane < j)
-                s = slope(squared(dx, dy, dz), inverse, scale)
-                total[lane] = approach_added(
-                    total[lane], s, dx, dy, dz, centre_u[lane] - u[j], centre_v[lane] - v[j], centre_w[lane] - w[j]
-                )
-
-    return approaches
+@row_routine
+def approaches(
+    many, first, entries, x, y, z, u, v, w, centre_x, centre_y, centre_z, centre_u, centre_v, centre_w, sides,
+    support, inverse, scale, total,
+):  # fmt: skip
+    """Add to `total` what a vector (u, v, w) of each particle contributes to the constraints. The arguments are those of
+    cpu_backend/fluid/pairs.py."""
+    for k in range(many):
+        for lane in range(LANES):
+            j = entries[k * LANES + lane]
+            dx, dy, dz = wrap(centre_x[lane] - x[j], centre_y[lane] - y[j], centre_z[lane] - z[j], sides)
+            dy = apart(dy, squared(dx, dy, dz), support, first + lane < j)
+            s = slope(squared(dx, dy, dz), inverse, scale)
+            total[lane] = approach_added(
+                total[lane], s, dx, dy, dz, centre_u[lane] - u[j], centre_v[lane] - v[j], centre_w[lane] - w[j]
+            )
 
 
-def make_gather(compiler: Compiler, real: Real, parts: frozenset[str]) -> Callable:
-    """Make gather(part, parts, world, parameters): it copies the state, wrapped into the periodic box, and writes the
-    bounding box of the band."""
-    wrapped_offset, compiled = compiler.formulas(motion, real).wrapped_offset, compiler.compiled
-    repeats, largest = "repeats" in parts, real(LARGEST)
-
-    @compiled
-    def gather(part, shared, world, parameters):
-        count, capacity, position = world.sizes.particles, world.sizes.room, world.state.position
-        place, predicted_velocity = world.unsorted.position, world.unsorted.velocity
-        lx, ly, lz, hx, hy, hz = largest, largest, largest, -largest, -largest, -largest
-        for k in range(count * part // shared, count * (part + 1) // shared):
-            x, y, z = position[k], position[capacity + k], position[2 * capacity + k]
-            if repeats:
-                x = x + wrapped_offset(x, parameters.low_x, parameters.high_x, parameters.side_x)
-                y = y + wrapped_offset(y, parameters.low_y, parameters.high_y, parameters.side_y)
-                z = z + wrapped_offset(z, parameters.low_z, parameters.high_z, parameters.side_z)
-            place[k], place[capacity + k], place[2 * capacity + k] = x, y, z
-            for axis in range(AXES):
-                predicted_velocity[axis * capacity + k] = world.state.velocity[axis * capacity + k]
-            if abs(x) < largest and abs(y) < largest and abs(z) < largest:
-                lx, ly, lz, hx, hy, hz = min(lx, x), min(ly, y), min(lz, z), max(hx, x), max(hy, y), max(hz, z)
-        box, boxes = BOX * np.int64(part), world.table.boxes
-        boxes[box], boxes[box + 1], boxes[box + 2] = lx, ly, lz
-        boxes[box + 3], boxes[box + 4], boxes[box + 5] = hx, hy, hz
-
-    return gather
+@routine
+def gather(part, shared, world, parameters):
+    """Copy the state, wrapped into the periodic box, and write the bounding box of the band."""
+    count, capacity, position = world.sizes.particles, world.sizes.room, world.state.position
+    place, predicted_velocity = world.unsorted.position, world.unsorted.velocity
+    lx, ly, lz, hx, hy, hz = LARGEST, LARGEST, LARGEST, -LARGEST, -LARGEST, -LARGEST
+    for k in range(count * part // shared, count * (part + 1) // shared):
+        x, y, z = position[k], position[capacity + k], position[2 * capacity + k]
+        if FEATURE.repeats:
+            x = x + wrapped_offset(x, parameters.low_x, parameters.high_x, parameters.side_x)
+            y = y + wrapped_offset(y, parameters.low_y, parameters.high_y, parameters.side_y)
+            z = z + wrapped_offset(z, parameters.low_z, parameters.high_z, parameters.side_z)
+        place[k], place[capacity + k], place[2 * capacity + k] = x, y, z
+        for axis in range(AXES):
+            predicted_velocity[axis * capacity + k] = world.state.velocity[axis * capacity + k]
+        if abs(x) < LARGEST and abs(y) < LARGEST and abs(z) < LARGEST:
+            lx, ly, lz, hx, hy, hz = min(lx, x), min(ly, y), min(lz, z), max(hx, x), max(hy, y), max(hz, z)
+    box, boxes = BOX * np.int64(part), world.table.boxes
+    boxes[box], boxes[box + 1], boxes[box + 2] = lx, ly, lz
+    boxes[box + 3], boxes[box + 4], boxes[box + 5] = hx, hy, hz
 
 
-def make_accelerate(compiler: Compiler, real: Real, parts: frozenset[str], sides_of: Callable) -> SimpleNamespace:
-    """Make `accelerate`: it updates the velocities between the solves, one particle at a time."""
-    compiled, m = compiler.compiled, compiler.formulas(motion, real)
-    accelerated, buoyant, braked, speed_of, slowed = m.accelerated, m.buoyant, m.braked, m.speed_of, m.slowed
-    smooth_of = make_smoothing(compiler, real, parts).smooth
-    most, axes = MAX_NEIGHBOURS[2 if "flat" in parts else 3], 2 if "flat" in parts else AXES
-    particle_force, row_of = make_particle_force(compiler, real, axes, parts - {"load"}), compiled(make_row_of(parts))
-    smooths, has_drag, has_gravity = bool(parts & SMOOTHING), "drag" in parts, "gravity" in parts
-    zero, one = real(0), real(1)
+@routine
+def forced(number, row, step, parameters, fluids, integers):
+    """Return the acceleration of a particle by gravity and the forces on single particles [m/s^2]."""
+    ax, ay, az = 0.0, 0.0, 0.0
+    if FEATURE.gravity:
+        ay = buoyant(parameters.gravity, fluids[row + F_BUOYANCY])
+    if FEATURE.axes == AXES:
+        return particle_force((ax, ay, az), np.int64(number), 1.0, parameters, integers, step)
+    ax, ay = particle_force((ax, ay), np.int64(number), 1.0, parameters, integers, step)
+    return ax, ay, az
 
-    @compiled
-    def forced(number, row, step, parameters, fluids, integers):
-        """Return the acceleration of a particle by gravity and the forces on single particles [m/s^2]."""
-        ax, ay, az = zero, zero, zero
-        if has_gravity:
-            ay = buoyant(parameters.gravity, fluids[row + F_BUOYANCY])
-        if axes == AXES:
-            return particle_force((ax, ay, az), np.int64(number), one, parameters, integers, step)
-        ax, ay = particle_force((ax, ay), np.int64(number), one, parameters, integers, step)
-        return ax, ay, az
 
-    @compiled
-    def accelerate(part, shared, step, world, parameters, fluids, integers):
-        """Apply neighbours, drag and forces to the velocities, and write them into the state."""
-        count, capacity, unsorted = world.sizes.particles, world.sizes.room, world.unsorted
-        in_order, work, neighbours = world.in_order, world.work, world.lists.neighbours
-        place, predicted_velocity, velocity, error = (
-            in_order.position,
-            in_order.velocity,
-            world.state.velocity,
-            work.error,
-        )
-        h, sides = parameters.dt, sides_of(parameters)
-        for i in range(count * part // shared, count * (part + 1) // shared):
-            row = row_of(in_order.fluid, i)
-            if smooths:
-                entry_row = row_at(world.lists.entries, np.int64(i // LANES) * (LANES * most) + i % LANES)
-                u, v, w = smooth_of(
-                    i, neighbours[i], entry_row, capacity, place, predicted_velocity, unsorted.before,
-                    unsorted.position, sides, parameters, in_order.fluid, fluids,
-                )  # fmt: skip
-            else:
-                u, v, w = predicted_velocity[i], predicted_velocity[capacity + i], predicted_velocity[2 * capacity + i]
-            if has_drag:
-                drag, surface = fluids[row + F_DRAG], fluids[row + F_SURFACE_DRAG]
-                u, v = braked(u, h, drag, surface, error[i]), braked(v, h, drag, surface, error[i])
-                w = braked(w, h, drag, surface, error[i])
-            ax, ay, az = forced(in_order.number[i], row, step, parameters, fluids, integers)
-            u, v, w = accelerated(u, h, ax), accelerated(v, h, ay), accelerated(w, h, az)
-            speed, fastest = speed_of(u, v, w), fluids[row + F_SPEED]
-            if speed > fastest:
-                world.lists.counts[shared + part] += 1
-            velocity[i], velocity[capacity + i] = slowed(u, speed, fastest), slowed(v, speed, fastest)
-            velocity[2 * capacity + i] = slowed(w, speed, fastest)
-
-    return SimpleNamespace(accelerate=accelerate)
+@routine
+def accelerate(part, shared, step, world, parameters, fluids, integers):
+    """Apply neighbours, drag and forces to the velocities, and write them into the state."""
+    count, capacity, unsorted = world.sizes.particles, world.sizes.room, world.unsorted
+    in_order, work, neighbours = world.in_order, world.work, world.lists.neighbours
+    place, predicted_velocity, velocity, error = (
+        in_order.position,
+        in_order.velocity,
+        world.state.velocity,
+        work.error,
+    )
+    h, sides = parameters.dt, sides_of(parameters)
+    for i in range(count * part // shared, count * (part + 1) // shared):
+        row = row_of(in_order.fluid, i)
+        if FEATURE.smoothing:
+            entry_row = row_at(world.lists.entries, np.int64(i // LANES) * (LANES * FEATURE.neighbours) + i % LANES)
+            u, v, w = smooth(
+                i, neighbours[i], entry_row, capacity, place, predicted_velocity, unsorted.before,
+                unsorted.position, sides, parameters, in_order.fluid, fluids,
+            )  # fmt: skip
+        else:
+            u, v, w = predicted_velocity[i], predicted_velocity[capacity + i], predicted_velocity[2 * capacity + i]
+        if FEATURE.drag:
+            drag, surface = fluids[row + F_DRAG], fluids[row + F_SURFACE_DRAG]
+            u, v = braked(u, h, drag, surface, error[i]), braked(v, h, drag, surface, error[i])
+            w = braked(w, h, drag, surface, error[i])
+        ax, ay, az = forced(in_order.number[i], row, step, parameters, fluids, integers)
+        u, v, w = accelerated(u, h, ax), accelerated(v, h, ay), accelerated(w, h, az)
+        speed, fastest = speed_of(u, v, w), fluids[row + F_SPEED]
+        if speed > fastest:
+            world.lists.counts[shared + part] += 1
+        velocity[i], velocity[capacity + i] = slowed(u, speed, fastest), slowed(v, speed, fastest)
+        velocity[2 * capacity + i] = slowed(w, speed, fastest)

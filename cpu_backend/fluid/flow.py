@@ -5,16 +5,13 @@ Active particles are first in the state's arrays. fluid/arrays.py describes the 
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from types import SimpleNamespace
-
 import numpy as np
 
-from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.fluid.arrays import Fluid, Sizes
-from softlab.model.base.types import Real
+from softlab.cpu_backend.fluid.phases import cells_in, enter, put, tally
+from softlab.model.base.variant import FEATURE, routine
 from softlab.model.fluid.flow import (
     E_BEFORE,
     E_COUNT,
@@ -42,130 +39,120 @@ from softlab.model.fluid.flow import (
     SINK_FIELDS,
     SINK_SHAPES,
 )
-from softlab.model.formulas import cloth
-from softlab.model.formulas.fluid import flow as formulas_of_flow
+from softlab.model.formulas.cloth import instant
+from softlab.model.formulas.fluid.flow import begun, behind, emitted, in_box, in_sphere, passed
 
 AXES = 3
 BOX, SPHERE, _ = range(len(SINK_SHAPES))
 GONE = -1  # the cell of a removed particle
 
 
-def make_flow(compiler: Compiler, real: Real, parts: frozenset[str]) -> SimpleNamespace:
-    """Make `emit`, `drain`, `rest` and `there_of`.
-
-    `emit(number, world, parameters, flow)`, by one thread: emit the particles of substep `number`. `drain(part, shared,
-    world, flow)`: give the particles of a band that a sink removes the cell GONE. `rest(world, cells, flow)`, by one
-    thread: update the number of active particles of a table of so many `cells`. `there_of(world, flow)`: return the
-    world with the active particles as its count.
-    """
-    compiled, f = compiler.compiled, compiler.formulas(formulas_of_flow, real)
-    instant = compiler.formulas(cloth, real).instant
-    passed, begun, emitted = f.passed, f.begun, f.emitted
-    in_box, in_sphere, behind = f.in_box, f.in_sphere, f.behind
-
-    @compiled
-    def free(n, end, there):
-        """Return the first inactive number from n to before `end`, or `end`."""
-        while n < end and there[n] != 0:
-            n += 1
-        return n
-
-    @compiled
-    def put(slot, n, fluid_number, capacity, state, row, points, q, layers, k):
-        """Write particle n, of layer k at point q of a nozzle, into slot `slot` of the state."""
-        position, velocity, number, fluid = state
-        distance, at = row[E_DISTANCE], 3 * q
-        position[slot] = emitted(points[at], row[E_X], layers, k, distance)
-        position[capacity + slot] = emitted(points[at + 1], row[E_Y], layers, k, distance)
-        position[2 * capacity + slot] = emitted(points[at + 2], row[E_Z], layers, k, distance)
-        velocity[slot], velocity[capacity + slot], velocity[2 * capacity + slot] = row[E_VX], row[E_VY], row[E_VZ]
-        number[slot], fluid[slot] = np.int32(n), np.int32(fluid_number)
-
-    @compiled
-    def emit(number, world, parameters, flow):
-        capacity, state = world.sizes.room, world.state
-        alive, starts, there, emitters = flow.particles, flow.starts, flow.active, flow.emitters
-        clock = parameters.dt, parameters.first_step, parameters.first_time
-        begin, end = instant(number, *clock), instant(number + 1, *clock)
-        for e in range(emitters.size // EMITTER_FIELDS):
-            row = row_at(emitters, np.int64(e * EMITTER_FIELDS))
-            since, stop, before, rate = row[E_SINCE], row[E_STOP], row[E_BEFORE], row[E_RATE]
-            layers = passed(end, since, stop, before, rate)
-            first, last = np.int64(begun(passed(begin, since, stop, before, rate))), np.int64(begun(layers))
-            if first >= last:
-                continue
-            fluid_index = np.int64(row[E_FLUID])
-            n, place, count = np.int64(starts[fluid_index]), np.int64(row[E_FIRST]), np.int64(row[E_COUNT])
-            for k in range(first, last):
-                for q in range(place, place + count):
-                    n = free(n, starts[fluid_index + 1], there)
-                    if n == starts[fluid_index + 1]:
-                        flow.missed[0] += 1
-                    else:
-                        put(alive[0], n, fluid_index, capacity, state, row, flow.points, q, layers, k)
-                        there[n] = 1
-                        alive[0] += 1
-
-    @compiled
-    def ends(sink, x, y, z):
-        """Return True if a position is inside the sink."""
-        dx, dy, dz = x - sink[S_X], y - sink[S_Y], z - sink[S_Z]
-        kind = np.int64(sink[S_KIND])
-        if kind == BOX:
-            return in_box(dx, dy, dz, sink[S_U], sink[S_V], sink[S_W])
-        if kind == SPHERE:
-            return in_sphere(dx, dy, dz, sink[S_RADIUS])
-        return behind(dx, dy, dz, sink[S_U], sink[S_V], sink[S_W])
-
-    @compiled
-    def drain(part, shared, world, flow):
-        count, capacity, unsorted, table = world.sizes.particles, world.sizes.room, world.unsorted, world.table
-        place, number, cell, there, sinks = unsorted.position, world.state.number, table.cell, flow.active, flow.sinks
-        for k in range(count * part // shared, count * (part + 1) // shared):
-            for s in range(sinks.size // SINK_FIELDS):
-                sink = row_at(sinks, np.int64(s * SINK_FIELDS))
-                if cell[k] != GONE and ends(sink, place[k], place[capacity + k], place[2 * capacity + k]):
-                    cell[k], there[number[k]] = np.int32(GONE), 0
-
-    @compiled
-    def rest(world, counts, flow):
-        nx, ny, nz = counts
-        flow.particles[0] = world.table.starts[nx * ny * nz]
-
-    @compiled
-    def there_of(world, flow):
-        w, sizes = world, Sizes(flow.particles[0], world.sizes.room, world.sizes.nobody)
-        return Fluid(sizes, w.state, w.unsorted, w.in_order, w.work, w.table, w.lists, w.scratch)
-
-    return SimpleNamespace(emit=emit, drain=drain, rest=rest, there_of=there_of)
+@routine
+def free(n, end, there):
+    """Return the first inactive number from n to before `end`, or `end`."""
+    while n < end and there[n] != 0:
+        n += 1
+    return n
 
 
-def make_flowing(compiler: Compiler, phases: SimpleNamespace, drains: bool) -> dict[str, Callable]:
-    """Make `emit(bands, number, world, parameters, flow)` and `sort(bands, world, parameters, flow)`, each by a team.
+@routine
+def put_particle(slot, n, fluid_number, capacity, state, row, points, q, layers, k):
+    """Write particle n, of layer k at point q of a nozzle, into slot `slot` of the state."""
+    position, velocity, number, fluid = state
+    distance, at = row[E_DISTANCE], 3 * q
+    position[slot] = emitted(points[at], row[E_X], layers, k, distance)
+    position[capacity + slot] = emitted(points[at + 1], row[E_Y], layers, k, distance)
+    position[2 * capacity + slot] = emitted(points[at + 2], row[E_Z], layers, k, distance)
+    velocity[slot], velocity[capacity + slot], velocity[2 * capacity + slot] = row[E_VX], row[E_VY], row[E_VZ]
+    number[slot], fluid[slot] = np.int32(n), np.int32(fluid_number)
 
-    `sort` handles the active particles and removes those in sinks.
-    """
-    enter, tally, put = phases.enter, phases.tally, phases.put
-    emit_some, drain, rest, cells_in = phases.emit, phases.drain, phases.rest, phases.cells_in
 
-    def emit(team, member, bands, number, world, parameters, flow):
+@routine
+def emit_particles(number, world, parameters, flow):
+    """Emit the particles of substep `number`, by one thread."""
+    capacity, state = world.sizes.room, world.state
+    alive, starts, there, emitters = flow.particles, flow.starts, flow.active, flow.emitters
+    clock = parameters.dt, parameters.first_step, parameters.first_time
+    begin, end = instant(number, *clock), instant(number + 1, *clock)
+    for e in range(emitters.size // EMITTER_FIELDS):
+        row = row_at(emitters, np.int64(e * EMITTER_FIELDS))
+        since, stop, before, rate = row[E_SINCE], row[E_STOP], row[E_BEFORE], row[E_RATE]
+        layers = passed(end, since, stop, before, rate)
+        first, last = np.int64(begun(passed(begin, since, stop, before, rate))), np.int64(begun(layers))
+        if first >= last:
+            continue
+        fluid_index = np.int64(row[E_FLUID])
+        n, place, count = np.int64(starts[fluid_index]), np.int64(row[E_FIRST]), np.int64(row[E_COUNT])
+        for k in range(first, last):
+            for q in range(place, place + count):
+                n = free(n, starts[fluid_index + 1], there)
+                if n == starts[fluid_index + 1]:
+                    flow.missed[0] += 1
+                else:
+                    put_particle(alive[0], n, fluid_index, capacity, state, row, flow.points, q, layers, k)
+                    there[n] = 1
+                    alive[0] += 1
+
+
+@routine
+def is_in_sink(sink, x, y, z):
+    """Return True if a position is inside the sink."""
+    dx, dy, dz = x - sink[S_X], y - sink[S_Y], z - sink[S_Z]
+    kind = np.int64(sink[S_KIND])
+    if kind == BOX:
+        return in_box(dx, dy, dz, sink[S_U], sink[S_V], sink[S_W])
+    if kind == SPHERE:
+        return in_sphere(dx, dy, dz, sink[S_RADIUS])
+    return behind(dx, dy, dz, sink[S_U], sink[S_V], sink[S_W])
+
+
+@routine
+def drain(part, shared, world, flow):
+    """Give the particles of a band that a sink removes the cell GONE."""
+    count, capacity, unsorted, table = world.sizes.particles, world.sizes.room, world.unsorted, world.table
+    place, number, cell, there, sinks = unsorted.position, world.state.number, table.cell, flow.active, flow.sinks
+    for k in range(count * part // shared, count * (part + 1) // shared):
+        for s in range(sinks.size // SINK_FIELDS):
+            sink = row_at(sinks, np.int64(s * SINK_FIELDS))
+            if cell[k] != GONE and is_in_sink(sink, place[k], place[capacity + k], place[2 * capacity + k]):
+                cell[k], there[number[k]] = np.int32(GONE), 0
+
+
+@routine
+def rest(world, counts, flow):
+    """Update the number of active particles, by one thread."""
+    nx, ny, nz = counts
+    flow.particles[0] = world.table.starts[nx * ny * nz]
+
+
+@routine
+def there_of(world, flow):
+    """Return the world with the active particles as its count."""
+    w, sizes = world, Sizes(flow.particles[0], world.sizes.room, world.sizes.nobody)
+    return Fluid(sizes, w.state, w.unsorted, w.in_order, w.work, w.table, w.lists, w.scratch)
+
+
+@routine
+def emit(team, member, bands, number, world, parameters, flow):
+    """Emit the particles of a substep, by a team."""
+    for part in assigned(team, member, bands):
+        if part == 0:
+            emit_particles(number, world, parameters, flow)
+
+
+@routine
+def sort(team, member, bands, world, parameters, flow):
+    """Sort the active particles, without those in sinks, by a team."""
+    for part in assigned(team, member, bands):
+        enter(part, bands, world, parameters)
+    if FEATURE.sink:
+        for part in assigned(team, member, bands):
+            drain(part, bands, world, flow)
+    for part in assigned(team, member, bands):
+        tally(part, bands, world, parameters)
+    for part in assigned(team, member, bands):
+        put(part, bands, world, parameters)
+    if FEATURE.sink:
         for part in assigned(team, member, bands):
             if part == 0:
-                emit_some(number, world, parameters, flow)
-
-    def sort(team, member, bands, world, parameters, flow):
-        for part in assigned(team, member, bands):
-            enter(part, bands, world, parameters)
-        if drains:
-            for part in assigned(team, member, bands):
-                drain(part, bands, world, flow)
-        for part in assigned(team, member, bands):
-            tally(part, bands, world, parameters)
-        for part in assigned(team, member, bands):
-            put(part, bands, world, parameters)
-        if drains:
-            for part in assigned(team, member, bands):
-                if part == 0:
-                    rest(world, cells_in(bands, world, parameters)[2], flow)
-
-    return {"sort": compiler.team(sort), "emit": compiler.team(emit)}
+                rest(world, cells_in(bands, world, parameters)[2], flow)

@@ -3,81 +3,74 @@ and 5). Arguments: `many` entries of the slice's list, the quads of all particle
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
 
-from softlab.cpu_backend.core.compile import Compiler
-from softlab.cpu_backend.fluid.cells import make_row_of
-from softlab.cpu_backend.fluid.lists import make_wrap
+from softlab.cpu_backend.fluid.cells import row_of
+from softlab.cpu_backend.fluid.lists import wrap
 from softlab.cpu_backend.fluid.quads import LANES, read_quads
-from softlab.model.base.types import Real
+from softlab.model.base.variant import FEATURE, row_routine
 from softlab.model.fluid.parameters import F_WEIGHT
-from softlab.model.formulas.fluid import density
+from softlab.model.formulas.fluid.density import (
+    apart,
+    closeness,
+    correction_added,
+    crowded,
+    density_added,
+    gradient_added,
+    near,
+    slope,
+    squared,
+    squares_added,
+)
 
 
-def make_pairs(compiler: Compiler, real: Real, parts: frozenset[str]) -> SimpleNamespace:
-    """Make `densities`, `gradients`, `corrections`, which add to their sums; the sums are 0 at first."""
-    f, wrap = compiler.formulas(density, real), make_wrap(compiler, real, parts)
-    squared, near, closeness, apart, slope = f.squared, f.near, f.closeness, f.apart, f.slope
-    density_added = f.density_added
-    gradient_added, squares_added, crowded, correction_added = (
-        f.gradient_added,
-        f.squares_added,
-        f.crowded,
-        f.correction_added,
-    )
-    several, has_tensile = "fluids" in parts, "tensile" in parts
-    row_of = compiler.compiled(make_row_of(parts))
-    one = real(1)
+@row_routine
+def densities(many, entries, quads, x, y, z, w, centre_x, centre_y, centre_z, sides, inverse, total):
+    for k in range(many):
+        read_quads(quads, entries, np.int64(k * LANES), x, y, z, w)
+        for lane in range(LANES):
+            dx, dy, dz = wrap(centre_x[lane] - x[lane], centre_y[lane] - y[lane], centre_z[lane] - z[lane], sides)
+            total[lane] = density_added(total[lane], closeness(squared(dx, dy, dz), inverse))
 
-    @compiler.row
-    def densities(many, entries, quads, x, y, z, w, centre_x, centre_y, centre_z, sides, inverse, total):
-        for k in range(many):
-            read_quads(quads, entries, np.int64(k * LANES), x, y, z, w)
-            for lane in range(LANES):
-                dx, dy, dz = wrap(centre_x[lane] - x[lane], centre_y[lane] - y[lane], centre_z[lane] - z[lane], sides)
-                total[lane] = density_added(total[lane], closeness(squared(dx, dy, dz), inverse))
 
-    @compiler.row
-    def gradients(
-        many, first, entries, quads, x, y, z, w, centre_x, centre_y, centre_z, sides, support, inverse, scale, fluid,
-        fluids, gx, gy, gz, squares, total,
-    ):  # fmt: skip
-        for k in range(many):
-            read_quads(quads, entries, np.int64(k * LANES), x, y, z, w)
-            for lane in range(LANES):
-                j = entries[k * LANES + lane]
-                dx, dy, dz = wrap(centre_x[lane] - x[lane], centre_y[lane] - y[lane], centre_z[lane] - z[lane], sides)
-                square = squared(dx, dy, dz)
-                total[lane] = density_added(total[lane], closeness(square, inverse))
-                dy = apart(dy, square, support, first + lane < j)
-                square = squared(dx, dy, dz)
-                s = slope(square, inverse, scale)
-                gx[lane] = gradient_added(gx[lane], s, dx)
-                gy[lane] = gradient_added(gy[lane], s, dy)
-                gz[lane] = gradient_added(gz[lane], s, dz)
-                weight = fluids[row_of(fluid, j) + F_WEIGHT] if several else one
-                squares[lane] = squares_added(squares[lane], weight, s, square)
+@row_routine
+def gradients(
+    many, first, entries, quads, x, y, z, w, centre_x, centre_y, centre_z, sides, support, inverse, scale, fluid,
+    fluids, gx, gy, gz, squares, total,
+):  # fmt: skip
+    for k in range(many):
+        read_quads(quads, entries, np.int64(k * LANES), x, y, z, w)
+        for lane in range(LANES):
+            j = entries[k * LANES + lane]
+            dx, dy, dz = wrap(centre_x[lane] - x[lane], centre_y[lane] - y[lane], centre_z[lane] - z[lane], sides)
+            square = squared(dx, dy, dz)
+            total[lane] = density_added(total[lane], closeness(square, inverse))
+            dy = apart(dy, square, support, first + lane < j)
+            square = squared(dx, dy, dz)
+            s = slope(square, inverse, scale)
+            gx[lane] = gradient_added(gx[lane], s, dx)
+            gy[lane] = gradient_added(gy[lane], s, dy)
+            gz[lane] = gradient_added(gz[lane], s, dz)
+            weight = fluids[row_of(fluid, j) + F_WEIGHT] if FEATURE.fluids else 1.0
+            squares[lane] = squares_added(squares[lane], weight, s, square)
 
-    @compiler.row
-    def corrections(
-        many, first, entries, quads, x, y, z, w, centre_x, centre_y, centre_z, centre_delta, sides, support, inverse,
-        scale, tensile, inverse_tensile, ax, ay, az,
-    ):  # fmt: skip
-        for k in range(many):
-            read_quads(quads, entries, np.int64(k * LANES), x, y, z, w)
-            for lane in range(LANES):
-                j = entries[k * LANES + lane]
-                dx, dy, dz = wrap(centre_x[lane] - x[lane], centre_y[lane] - y[lane], centre_z[lane] - z[lane], sides)
-                dy = apart(dy, squared(dx, dy, dz), support, first + lane < j)
-                square = squared(dx, dy, dz)
-                s = slope(square, inverse, scale)
-                both = centre_delta[lane] + w[lane]
-                if has_tensile:
-                    both = both - crowded(near(square, inverse), inverse_tensile, tensile)
-                ax[lane] = correction_added(ax[lane], both, s, dx)
-                ay[lane] = correction_added(ay[lane], both, s, dy)
-                az[lane] = correction_added(az[lane], both, s, dz)
 
-    return SimpleNamespace(densities=densities, gradients=gradients, corrections=corrections)
+@row_routine
+def corrections(
+    many, first, entries, quads, x, y, z, w, centre_x, centre_y, centre_z, centre_delta, sides, support, inverse,
+    scale, tensile, inverse_tensile, ax, ay, az,
+):  # fmt: skip
+    for k in range(many):
+        read_quads(quads, entries, np.int64(k * LANES), x, y, z, w)
+        for lane in range(LANES):
+            j = entries[k * LANES + lane]
+            dx, dy, dz = wrap(centre_x[lane] - x[lane], centre_y[lane] - y[lane], centre_z[lane] - z[lane], sides)
+            dy = apart(dy, squared(dx, dy, dz), support, first + lane < j)
+            square = squared(dx, dy, dz)
+            s = slope(square, inverse, scale)
+            both = centre_delta[lane] + w[lane]
+            if FEATURE.tensile:
+                both = both - crowded(near(square, inverse), inverse_tensile, tensile)
+            ax[lane] = correction_added(ax[lane], both, s, dx)
+            ay[lane] = correction_added(ay[lane], both, s, dy)
+            az[lane] = correction_added(az[lane], both, s, dz)

@@ -3,25 +3,15 @@ which is that number; it is copied along with the particles' numbers."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import cache
-
 import numpy as np
 
-from softlab.gpu_backend.core.compile import inlined
-
-FLOWS = frozenset({"emitter", "sink"})
+from softlab.model.base.variant import FEATURE, inlined_routine
 
 
-@cache
-def make_extent(parts: frozenset[str]) -> Callable:
-    """Make extent(array) -> (particles, active particles), of an array with one integer per particle."""
-    flows, one = bool(parts & FLOWS), np.int32(1)
-
-    def extent(array):
-        if flows:
-            particles = np.int32(np.int32(array.size) - one)
-            return particles, np.int32(array[particles])
-        return np.int32(array.size), np.int32(array.size)
-
-    return inlined("exact")(extent)
+@inlined_routine
+def extent(array):
+    """Return (particles, active particles), of an array with one integer per particle."""
+    if FEATURE.flow:
+        particles = np.int32(np.int32(array.size) - 1)
+        return particles, np.int32(array[particles])
+    return np.int32(array.size), np.int32(array.size)

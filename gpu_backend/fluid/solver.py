@@ -19,7 +19,6 @@ from softlab.gpu_backend.core.simulation import NOTHING_BAD
 from softlab.gpu_backend.core.substeps import SubstepSimulation, launched_kernel
 from softlab.gpu_backend.fluid import divergence_free
 from softlab.gpu_backend.fluid.cells import Cells, Particles, cell_bytes
-from softlab.gpu_backend.fluid.extent import FLOWS
 from softlab.gpu_backend.fluid.flow import Flow
 from softlab.gpu_backend.fluid.kernels import WALL, make_density_kernels
 from softlab.gpu_backend.fluid.lists import LANES, TOGETHER
@@ -33,7 +32,7 @@ from softlab.model.contact.cloth_parameters import collider_numbers
 from softlab.model.core.plan import Executor
 from softlab.model.core.simulation import Options
 from softlab.model.fluid.parameters import MAX_NEIGHBOURS, fluid_rows, most_cells
-from softlab.model.fluid.plan import SHAPES, SMOOTHING, fluid_plan
+from softlab.model.fluid.plan import FLOWS, SHAPES, SMOOTHING, fluid_plan
 from softlab.model.fluid.samples import Samples
 from softlab.model.fluid.simulation import FluidSimulation
 from softlab.model.geometry.particle_row import PARKED

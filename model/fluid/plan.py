@@ -82,7 +82,9 @@ Where all fluids weigh the same (no part `fluids`), F_ rows are the first one's,
 from __future__ import annotations
 
 from math import pi
+from typing import Any
 
+from softlab.model.base.variant import features_of
 from softlab.model.core.own_forces import force_features, particle_forces
 from softlab.model.core.plan import Node, Plan, Stage
 from softlab.model.fluid.divergence_plan import divergence_stages
@@ -97,12 +99,31 @@ LOOKED_AT = {2: 9, 3: 27}  # cells that a search visits
 SMOOTHING = frozenset({"viscosity", "cohesion", "surface-tension", "vorticity"})
 OPERATIONS_SAMPLE = 5  # per axis of a sample: three products and two sums
 SHAPES = frozenset({"surface-tension", "vorticity"})
+FLOWS = frozenset({"emitter", "sink"})
 OF_FLUIDS = {  # part of the plan -> field of a fluid that needs it
     "viscosity": "viscosity",
     "cohesion": "cohesion",
     "surface-tension": "surface_tension",
     "vorticity": "vorticity_confinement",
 }
+
+
+def periodic_axes(repeats: frozenset[str]) -> dict[str, bool]:
+    """Return the features of kernels in a domain that is periodic along the axes `repeats`."""
+    return {f"periodic_{axis}": axis in repeats for axis in "xyz"}
+
+
+def fluid_features(parts: frozenset[str], repeats: frozenset[str] = frozenset()) -> dict[str, Any]:
+    """Return the features of a fluid's kernels (model/base/variant.py). `repeats`: axes that are periodic."""
+    more = {
+        "axes": 2 if "flat" in parts else 3,
+        "colliders": bool(parts & set(COLLIDER_KINDS)),
+        "flow": bool(parts & FLOWS),
+        "limited_change": "held-back" in parts,
+        "shapes": bool(parts & SHAPES),
+        "smoothing": bool(parts & SMOOTHING),
+    }
+    return features_of(parts) | more | periodic_axes(repeats)
 
 
 def fluid_parts(scene: Scene, live: frozenset[str] = frozenset(), solids: bool = False) -> frozenset[str]:
