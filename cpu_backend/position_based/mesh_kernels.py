@@ -46,7 +46,9 @@ class World(NamedTuple):
 
 
 air_now = Open("air_now(parameters, integers, substep, offset) -> the air's velocity [m/s]")
-collide_mass = Open("collide_mass(bodies, kinds, substep, parameters, before, position, velocity) -> position, velocity")
+collide_mass = Open(
+    "collide_mass(bodies, kinds, substep, parameters, before, position, velocity) -> position, velocity"
+)
 collide_position = Open("collide_position(...): as collide_mass, without restitution")
 drive = Open("drive(first, last, number, position, velocity, parameters, bodies, driven): move pins")
 particle_force = Open("particle_force(a, k, weight, parameters, integers, step) -> a [m/s^2]")
