@@ -17,20 +17,16 @@ from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.integers import make_clock
 from softlab.gpu_backend.core.quads import AXES, SIZE, load_quad, store_quad
 from softlab.gpu_backend.core.wind import make_block_air
+from softlab.gpu_backend.position_based.gather import ONE, TWO
+from softlab.gpu_backend.position_based.kernels import block_air, clock, predict
+from softlab.gpu_backend.position_based.point import add, add_gravity, add_particle_force
 from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, Open, features_of, filled, inlined_routine, routine
+from softlab.model.base.variant import FEATURE, features_of, filled, inlined_routine, routine
 from softlab.model.formulas.cloth import mean
 from softlab.model.formulas.distance import slowed
 from softlab.model.formulas.wind import triangle_wind
 
-ONE, TWO, THREE = np.int32(1), np.int32(2), np.int32(3)
-
-add = Open("add(a, weight, force) -> a [m/s^2]")
-add_gravity = Open("add_gravity(ax, ay, az, parameters) -> a [m/s^2]")
-add_particle_force = Open("add_particle_force(ax, ay, az, k, weight, parameters, integers, step) -> a [m/s^2]")
-block_air = Open("block_air(parameters, integers, number, offset) -> the air's velocity [m/s]")
-clock = Open("clock(counter, place, substeps, substep) -> number of the step, of the substep")
-predict = Open("predict(p, v, ax, ay, az, parameters) -> x, y, z")
+THREE = np.int32(3)
 
 
 @inlined_routine

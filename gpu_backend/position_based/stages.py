@@ -16,11 +16,11 @@ from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
 from softlab.gpu_backend.core.wind import make_block_air
 from softlab.gpu_backend.core.world import Cell, World
 from softlab.gpu_backend.position_based.gather import valence_of, weight_of
+from softlab.gpu_backend.position_based.kernels import block_air
 from softlab.gpu_backend.position_based.point import accelerations, add_wind
 from softlab.model.base.types import Real
 from softlab.model.base.variant import FEATURE, Open, features_of, filled, routine
 
-block_air = Open("block_air(parameters, integers, number, offset) -> the air's velocity [m/s]")
 collide_mass = Open("collide_mass(b, p, vx, vy, vz, world, number) -> x, y, z, vx, vy, vz")
 predict_mass = Open("predict_mass(p, v, ax, ay, az, parameters) -> x, y, z")
 rate_of = Open("rate_of(p, b, parameters) -> vx, vy, vz")

@@ -14,10 +14,10 @@ from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.integers import make_clock
 from softlab.gpu_backend.core.quads import AXES, SIZE, load_quad, store_quad
 from softlab.gpu_backend.core.world import World
+from softlab.gpu_backend.position_based.kernels import clock
 from softlab.model.base.types import Real
 from softlab.model.base.variant import Open, filled, routine
 
-clock = Open("clock(counter, place, substeps, substep) -> number of the step, of the substep")
 collide = Open("collide(b, p, vx, vy, vz, world, number) -> x, y, z, vx, vy, vz")
 rate_of = Open("rate_of(p, b, parameters) -> vx, vy, vz")
 

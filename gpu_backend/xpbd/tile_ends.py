@@ -16,15 +16,13 @@ from softlab.gpu_backend.contact.motion import make_motion
 from softlab.gpu_backend.core.quads import load_quad, store_quad
 from softlab.gpu_backend.core.world import Cell
 from softlab.gpu_backend.position_based.gather import valence_of, weight_of
+from softlab.gpu_backend.position_based.kernels import predict, settle
 from softlab.gpu_backend.position_based.point import accelerate, accelerations, tether_mass
 from softlab.gpu_backend.xpbd.sweep import chained, colour_variants, constraint_place, mass_place
 from softlab.gpu_backend.xpbd.tile import SheetTile
 from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, Open, filled, inlined_routine
+from softlab.model.base.variant import FEATURE, filled, inlined_routine
 from softlab.model.position_based.plan import JACOBI
-
-predict = Open("predict(p, v, ax, ay, az, parameters) -> x, y, z")
-settle = Open("settle(b, p, world, number) -> x, y, z, vx, vy, vz")
 
 
 @inlined_routine
