@@ -19,7 +19,7 @@ from numba.extending import intrinsic
 
 from softlab.cpu_backend.core.plain import in_python
 from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, routine
+from softlab.model.base.variant import CountOfPrecision
 
 LINE = 64  # bytes of a cache line, and of the widest vectors
 PAGE = 4096  # bytes after which addresses map to the same sets of the first-level cache
@@ -38,10 +38,7 @@ def block_of(real: Real) -> int:
     return LINE // np.dtype(real).itemsize
 
 
-@routine
-def block_size():
-    """Return `block_of` the variant's precision."""
-    return LINE // (4 if FEATURE.single else 8)
+BLOCK = CountOfPrecision(block_of)
 
 
 def aligned_zeros(count: int, real: Real) -> np.ndarray:

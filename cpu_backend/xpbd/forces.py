@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
-from softlab.cpu_backend.core.layout import L_PLANE, L_STRIDE, block_size, row_at
+from softlab.cpu_backend.core.layout import BLOCK, L_PLANE, L_STRIDE, row_at
 from softlab.cpu_backend.core.own_forces import make_particle_force
 from softlab.cpu_backend.core.scratch import AXES, make_scratch, triples_of
 from softlab.cpu_backend.core.wind import make_winds
@@ -51,7 +51,7 @@ def has_forces(parts: frozenset[str]) -> bool:
 def smooth(spacing, blocks, row, out):
     """Write a combed row with its columns in order."""
     classes = FEATURE.classes
-    for j in range(blocks * block_size()):
+    for j in range(blocks * BLOCK):
         for c in range(classes):
             out[j * classes + c] = row[c * spacing + j]
 
@@ -60,7 +60,7 @@ def smooth(spacing, blocks, row, out):
 def comb(spacing, blocks, row, out):
     """Write a row with its columns in order as a combed one."""
     classes = FEATURE.classes
-    for j in range(blocks * block_size()):
+    for j in range(blocks * BLOCK):
         for c in range(classes):
             out[c * spacing + j] = row[j * classes + c]
 
@@ -75,7 +75,7 @@ def add_forces(i, step, memory, places, parameters, integers, weights):
         for axis in range(FEATURE.axes):
             base = parameters.gravity if FEATURE.gravity and axis == 1 else 0.0
             for k in range(classes):
-                for j in range(places[P_BLOCKS] * block_size()):
+                for j in range(places[P_BLOCKS] * BLOCK):
                     memory[here + axis * plane + k * spacing + j] = base
     if FEATURE.particle_forces:
         for j in range(columns):
@@ -117,7 +117,7 @@ def wind_band(band, bounds, natural, substep, sheet):
     """Write gravity and wind on the rows of a band into the planes of accelerations; `substep`: counted from time 0."""
     memory, places, parameters, first = sheet.memory, sheet.places, sheet.parameters, bounds[band]
     plane, width = places[P_PLANE], places[P_SCRATCH_WIDTH]
-    blocks = (places[P_COLUMNS] + block_size() - 1) // block_size()
+    blocks = (places[P_COLUMNS] + BLOCK - 1) // BLOCK
     scratch = row_at(memory, places[P_WIND_SCRATCH] + band * places[P_SCRATCH_SIZE])
     source, close = row_at(memory, places[P_NATURAL]), np.int64(FEATURE.at_close)
     air = air_now(parameters, sheet.integers, substep, 0.0)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
-from softlab.cpu_backend.core.layout import block_size, row_at
+from softlab.cpu_backend.core.layout import BLOCK, row_at
 from softlab.cpu_backend.core.scratch import AXES, SPAN, make_scratch
 from softlab.cpu_backend.xpbd.layout import (
     P_BEFORE,
@@ -65,7 +65,7 @@ def displace_row(
     new_multipliers, reciprocals, rest, compliance, odd_compliance, damping, out_x, out_y, out_z,
 ):  # fmt: skip
     """Write displacements of the second ends."""
-    for j in range(blocks * block_size()):
+    for j in range(blocks * BLOCK):
         dx, dy = far_x[j] - x[j], far_y[j] - y[j]
         dz = far_z[j] - z[j] if FEATURE.axes == 3 else 0.0
         e, compliance_here = (dx, dy, dz), compliance
@@ -128,7 +128,7 @@ def gather_row(
     far_down, far_above, out,
 ):  # fmt: skip
     """Move one axis of a row by displacements, whose rows begin SPAN columns before the sheet's first one."""
-    for k in range(SPAN, blocks * block_size() + SPAN):
+    for k in range(SPAN, blocks * BLOCK + SPAN):
         total = 0.0
         if FEATURE.structural:
             total = (across[k - 1] - across[k]) + (above[k] - down[k])

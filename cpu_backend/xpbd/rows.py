@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
-from softlab.cpu_backend.core.layout import block_size, row_at
+from softlab.cpu_backend.core.layout import BLOCK, row_at
 from softlab.cpu_backend.xpbd.layout import (
     P_BEFORE,
     P_BLOCKS,
@@ -40,7 +40,7 @@ def predict(blocks, position, velocity, before, acceleration, gravity, weights, 
 
     The position at the substep's start is stored in place of the velocity, which is not needed meanwhile, or separately.
     """
-    for j in range(blocks * block_size()):
+    for j in range(blocks * BLOCK):
         p, v, a = position[j], velocity[j], gravity
         if FEATURE.mass_forces:
             a = acceleration[j]
@@ -62,7 +62,7 @@ def predict(blocks, position, velocity, before, acceleration, gravity, weights, 
 @row_routine
 def finish(blocks, position, velocity, before, inverse_h):
     """Compute velocities. Pinned masses have not moved, so their velocity is 0."""
-    for j in range(blocks * block_size()):
+    for j in range(blocks * BLOCK):
         begin = before[j] if FEATURE.separate_before else velocity[j]
         velocity[j] = rate(position[j], begin, inverse_h)
 
@@ -70,7 +70,7 @@ def finish(blocks, position, velocity, before, inverse_h):
 @row_routine
 def pin(blocks, position, velocity, before, weights):
     """Reset pinned masses, whatever collided with them."""
-    for j in range(blocks * block_size()):
+    for j in range(blocks * BLOCK):
         free = weights[j] > 0.0
         position[j] = position[j] if free else before[j]
         velocity[j] = velocity[j] if free else 0.0
@@ -91,7 +91,7 @@ def project_row(
 ):  # fmt: skip
     """Project constraints that lead from one run of numbers to another; `later`: true if multipliers are known, else
     they are 0."""
-    for j in range(blocks * block_size()):
+    for j in range(blocks * BLOCK):
         dx, dy = far_x[j] - x[j], far_y[j] - y[j]
         dz = far_z[j] - z[j] if FEATURE.axes == 3 else 0.0
         e = dx, dy, dz
@@ -117,21 +117,20 @@ def project_row(
 
 
 @routine
-def project_class(i, c, odd, later, sheet):
+def project_class(i, c, odd, later, memory, places, parameters, row_places, row_uneven):
     """Project the constraints of a family that lead down from class `c` of row `i`, or from there along it.
 
     They lead from its columns to those of the next class, or the reverse; behind the last class comes the first one,
     shifted by one.
     """
-    memory, places, row_places, classes = sheet.memory, sheet.places, sheet.row_places, FEATURE.classes
-    stride, plane, spacing = places[P_STRIDE], places[P_PLANE], places[P_CLASS]
+    stride, plane, spacing, classes = places[P_STRIDE], places[P_PLANE], places[P_CLASS], FEATURE.classes
     near = c + 1 if FEATURE.rising else c
     far = c if FEATURE.rising else c + FEATURE.columns_along
     near_lane, far_lane = near % classes * spacing + near // classes, far % classes * spacing + far // classes
     here, lane, below = i * stride, c * spacing, i + FEATURE.rows_down
     first, second = here + near_lane, here + FEATURE.rows_down * stride + far_lane
     old = places[P_BEFORE] if FEATURE.damped else np.int64(0)
-    constants = constants_of_odd(sheet.parameters) if odd else constants_of_even(sheet.parameters)
+    constants = constants_of_odd(parameters) if odd else constants_of_even(parameters)
     of_family = 2 + FEATURE.family
     arguments = (
         places[P_BLOCKS], row_at(memory, first), row_at(memory, first + plane), row_at(memory, first + 2 * plane),
@@ -142,7 +141,7 @@ def project_class(i, c, odd, later, sheet):
         row_at(memory, places[P_MULTIPLIERS] + FEATURE.family * plane + here + lane), later,
         row_at(memory, row_places[of_family, i] + lane), constants.rest, constants.compliance, constants.damping,
     )  # fmt: skip
-    if sheet.row_uneven[i] or sheet.row_uneven[below]:
+    if row_uneven[i] or row_uneven[below]:
         project_uneven(*arguments)
     else:
         project_even(*arguments)
@@ -152,15 +151,16 @@ def project_class(i, c, odd, later, sheet):
 def link(i, later, sheet):
     """Project the constraints of a family that lead down from row `i`, or both colours of those along it, one after the
     other; `sheet`: see xpbd/walk.py."""
+    memory, places, parameters, row_places = sheet.memory, sheet.places, sheet.parameters, sheet.row_places
     if FEATURE.rows_down > 0:
         for c in range(FEATURE.classes):
-            project_class(i, np.int64(c), i & 1, later, sheet)
+            project_class(i, np.int64(c), i & 1, later, memory, places, parameters, row_places, sheet.row_uneven)
     else:
         along, of_a_colour = FEATURE.columns_along, max(1, FEATURE.classes // 2)
         for k in range(FEATURE.classes):  # first those of colour 0
             colour, turn = k // of_a_colour, k % of_a_colour
-            column = (turn // along * 2 + colour) * along + turn % along
-            project_class(i, np.int64(column), colour, later, sheet)
+            c = (turn // along * 2 + colour) * along + turn % along
+            project_class(i, np.int64(c), colour, later, memory, places, parameters, row_places, sheet.row_uneven)
 
 
 def family_features(parts: frozenset[str], axes: int, family: Family, several: bool) -> dict[str, Any]:

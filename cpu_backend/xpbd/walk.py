@@ -12,7 +12,7 @@ import numpy as np
 
 from softlab.cpu_backend.contact.colliders import make_collide_row
 from softlab.cpu_backend.core.compile import Compiler
-from softlab.cpu_backend.core.layout import block_size, row_at
+from softlab.cpu_backend.core.layout import BLOCK, row_at
 from softlab.cpu_backend.xpbd.forces import add_forces, force_features, has_forces, with_forces
 from softlab.cpu_backend.xpbd.layout import (
     P_ACCELERATION,
@@ -67,7 +67,7 @@ def keeps_velocity(parts: frozenset[str]) -> bool:
 
 @row_routine
 def pull_back(blocks, x, y, z, weights, anchor, max_distance, pin_x, pin_y, pin_z):
-    for j in range(blocks * block_size()):
+    for j in range(blocks * BLOCK):
         ax, ay = pin_x[anchor[j]], pin_y[anchor[j]]
         az = pin_z[anchor[j]] if FEATURE.axes == 3 else 0.0
         dx, dy = x[j] - ax, y[j] - ay

@@ -143,6 +143,17 @@ class OfPrecision(float):
         return constant
 
 
+class CountOfPrecision(int):
+    """The same of an integer: a literal where it is used, which the result of a function is not."""
+
+    make: Callable[[Any], int]
+
+    def __new__(cls, make: Callable[[Any], int]) -> CountOfPrecision:
+        count = super().__new__(cls, make(np.float64))
+        count.make = make
+        return count
+
+
 def real(number: Any) -> Any:
     """Return a number in the variant's precision; as plain Python, in float64."""
     return np.float64(number)
@@ -283,6 +294,8 @@ class Variant:
             return self.real
         if isinstance(value, float):
             return self.real(value.make(self.real) if isinstance(value, OfPrecision) else value)
+        if isinstance(value, CountOfPrecision):
+            return value.make(self.real)
         if isinstance(value, Open):
             raise TypeError(f"{place(caller)}: compile filled({caller.__name__}, ...): {value.signature} is open")
         if type(value) is FunctionType:
@@ -482,7 +495,7 @@ class _Specialise(ast.NodeTransformer):
         if of_feature and isinstance(node.left, ast.Constant) and type(node.ops[0]) in COMPARED:
             right = node.comparators[0]
             value = self.known.get(right.id) if isinstance(right, ast.Name) else getattr(right, "value", None)
-            if isinstance(value, (int, str)) and len(node.ops) == 1:
+            if isinstance(value, (int, str)) and not isinstance(value, CountOfPrecision) and len(node.ops) == 1:
                 return ast.copy_location(ast.Constant(COMPARED[type(node.ops[0])](node.left.value, value)), node)
         return node
 
