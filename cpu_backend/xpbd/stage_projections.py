@@ -6,6 +6,7 @@ and `right` columns to the right; for right = -1 from column j + 1 to column j.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from types import SimpleNamespace
 from typing import Any
 
@@ -183,21 +184,29 @@ def attach(position, weights, anchor, max_distance):
                         position[axis, i, j] = tethered(p, position[axis, row, column], d[axis], factor)
 
 
+def _compiled(
+    routines: Sequence[Any], name: str, real: Real, math: str, words: frozenset[str], features: dict[str, Any]
+) -> SimpleNamespace:
+    """Compile kernels by their names; `words`: the parts that affect them."""
+    compiler = Compiler(cloth_variant(f"{name}_{features['axes']}d", real, math, words), math)
+    variant = compiler.variant_of(real, features_of(words) | features)
+    return SimpleNamespace(**{one.__name__: compiler.kernel(variant.copied(one)) for one in routines})
+
+
 def make_projections(real: Real, math: str, axes: int, parts: frozenset[str]) -> SimpleNamespace:
     """Compile `kinds`, `project` and `displace` of each kind of constraints; `gather`, `attach`."""
-
-    def compiled(routines: list[Any], name: str, words: frozenset[str], **features: Any) -> SimpleNamespace:
-        compiler = Compiler(cloth_variant(f"{name}_{axes}d", real, math, words), math)
-        variant = compiler.variant_of(real, features_of(words) | {"axes": axes, **features})
-        return SimpleNamespace(**{one.__name__: compiler.kernel(variant.copied(one)) for one in routines})
-
-    matter, kinds = parts & {"load", "jacobi", "averaged-jacobi"}, {}
+    matter, features, kinds = parts & {"load", "jacobi", "averaged-jacobi"}, {"axes": axes}, {}
     for kind in {family.kind for family in families(parts)}:
         soft, damped = f"{kind}-compliance" in parts, f"{kind}-damping" in parts
         words = matter | {word for word, there in (("compliance", soft), ("spring-damping", damped)) if there}
-        kinds[kind] = compiled([project, displace], "project", words, soft=soft, damped=damped)
-    sums = compiled([gather], "gather", parts & {"structural", "shear", "bending", "averaged-jacobi"})
-    return SimpleNamespace(kinds=kinds, gather=sums.gather, attach=compiled([attach], "attach", frozenset()).attach)
+        of_kind = features | {"soft": soft, "damped": damped}
+        kinds[kind] = _compiled((project, displace), "project", real, math, words, of_kind)
+    sums = parts & {"structural", "shear", "bending", "averaged-jacobi"}
+    return SimpleNamespace(
+        kinds=kinds,
+        **vars(_compiled([gather], "gather", real, math, sums, features)),
+        **vars(_compiled([attach], "attach", real, math, frozenset(), features)),
+    )
 
 
 def bind_projections(
