@@ -6,13 +6,12 @@ copied for it.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
-from softlab.cpu_backend.core.layout import L_PLANE, L_STRIDE, block_of, row_at
+from softlab.cpu_backend.core.layout import BLOCK, L_PLANE, L_STRIDE, row_at
 from softlab.cpu_backend.core.own_forces import make_particle_force
 from softlab.cpu_backend.core.scratch import AXES, make_scratch, triples_of
 from softlab.cpu_backend.core.wind import make_winds
@@ -29,8 +28,18 @@ from softlab.cpu_backend.xpbd.layout import (
     P_WIND_SCRATCH,
 )
 from softlab.model.base.types import Real
+from softlab.model.base.variant import FEATURE, Open, features_of, filled, routine, row_routine
 from softlab.model.core.own_forces import particle_forces
-from softlab.model.formulas import distance
+from softlab.model.formulas.distance import added
+
+WIND_PARTS = frozenset({"wind", "gust"})
+
+add_wind = Open("add_wind(i, blocks, scratch, width): add the wind on row i to its accelerations")
+air_now = Open("air_now(parameters, integers, substep, offset) -> the air's velocity [m/s]")
+clear = Open("clear(scratch, triple, width)")
+particle_force = Open("particle_force(a, k, weight, parameters, integers, step) -> a [m/s^2]")
+place = Open("place(triple, axis, width) -> index of column 0 of a row of scratch")
+wind_cells = Open("wind_cells(i, blocks, layout, source, parameters, air, scratch, width)")
 
 
 def has_forces(parts: frozenset[str]) -> bool:
@@ -38,129 +47,113 @@ def has_forces(parts: frozenset[str]) -> bool:
     return "wind" in parts or bool(particle_forces(parts))
 
 
-WIND_PARTS = frozenset({"wind", "gust"})
+@row_routine
+def smooth(spacing, blocks, row, out):
+    """Write a combed row with its columns in order."""
+    classes = FEATURE.classes
+    for j in range(blocks * BLOCK):
+        for c in range(classes):
+            out[j * classes + c] = row[c * spacing + j]
 
 
-def make_comb(compiler: Compiler, real: Real, classes: int) -> SimpleNamespace:
-    """Make `smooth(spacing, blocks, row, out)`, a combed row with its columns in order, and `comb`, the reverse."""
-    block = block_of(real)
-
-    @compiler.row
-    def smooth(spacing, blocks, row, out):
-        for j in range(blocks * block):
-            for c in range(classes):
-                out[j * classes + c] = row[c * spacing + j]
-
-    @compiler.row
-    def comb(spacing, blocks, row, out):
-        for j in range(blocks * block):
-            for c in range(classes):
-                out[c * spacing + j] = row[j * classes + c]
-
-    return SimpleNamespace(smooth=smooth, comb=comb)
+@row_routine
+def comb(spacing, blocks, row, out):
+    """Write a row with its columns in order as a combed one."""
+    classes = FEATURE.classes
+    for j in range(blocks * BLOCK):
+        for c in range(classes):
+            out[c * spacing + j] = row[j * classes + c]
 
 
-def make_forces(compiler: Compiler, real: Real, axes: int, parts: frozenset[str], classes: int) -> Callable:
-    """Make add_forces(i, step, memory, places, parameters, integers, weights): the accelerations of row `i`, in its
-    planes.
+@routine
+def add_forces(i, step, memory, places, parameters, integers, weights):
+    """Write the accelerations of row `i` into its planes, which with wind already have wind and gravity; `weights`:
+    offset of those of the row."""
+    columns, plane, spacing, classes = places[P_COLUMNS], places[P_PLANE], places[P_CLASS], FEATURE.classes
+    here = places[P_ACCELERATION] + i * places[P_STRIDE]
+    if not FEATURE.wind:
+        for axis in range(FEATURE.axes):
+            base = parameters.gravity if FEATURE.gravity and axis == 1 else 0.0
+            for k in range(classes):
+                for j in range(places[P_BLOCKS] * BLOCK):
+                    memory[here + axis * plane + k * spacing + j] = base
+    if FEATURE.particle_forces:
+        for j in range(columns):
+            lane = j % classes * spacing + j // classes
+            place_now, k, weight = here + lane, i * columns + j, memory[weights + lane]
+            if FEATURE.axes == 2:
+                a_now = memory[place_now], memory[place_now + plane]
+            else:
+                a_now = memory[place_now], memory[place_now + plane], memory[place_now + 2 * plane]
+            a = particle_force(a_now, k, weight, parameters, integers, step)
+            for axis in range(FEATURE.axes):
+                memory[place_now + axis * plane] = a[axis]
 
-    With wind, the planes already have wind and gravity. `weights`: offset of those of the row.
-    """
-    compiled, block, particle_force = (
-        compiler.compiled,
-        block_of(real),
-        make_particle_force(compiler, real, axes, parts),
-    )
-    has_gravity, has_wind, has_particle_forces = "gravity" in parts, "wind" in parts, bool(particle_forces(parts))
-    zero = real(0)
 
-    @compiled
-    def add_forces(i, step, memory, places, parameters, integers, weights):
-        columns, plane, spacing = places[P_COLUMNS], places[P_PLANE], places[P_CLASS]
+@routine
+def copy_band(band, bounds, position, natural, sheet):
+    """Copy the rows of a band, not combed, of planes that begin at `position`; `natural`: the integers of that copy's
+    layout."""
+    memory, places = sheet.memory, sheet.places
+    plane = places[P_PLANE]
+    velocity = position + FEATURE.axes * plane if FEATURE.separate_before else FEATURE.axes * plane
+    for i in range(bounds[band], bounds[band + 1]):
+        for axis in range(2 * AXES):
+            start = position if axis < AXES else velocity - AXES * plane
+            smooth(
+                places[P_CLASS], places[P_BLOCKS], row_at(memory, start + axis * plane + i * places[P_STRIDE]),
+                row_at(memory, places[P_NATURAL] + axis * natural[L_PLANE] + i * natural[L_STRIDE]),
+            )  # fmt: skip
+
+
+@row_routine
+def weigh_row(count, force, weights, base, out):
+    for j in range(count):
+        out[j] = added(base, weights[j], force[j]) if FEATURE.load else base + force[j]
+
+
+@routine
+def wind_band(band, bounds, natural, substep, sheet):
+    """Write gravity and wind on the rows of a band into the planes of accelerations; `substep`: counted from time 0."""
+    memory, places, parameters, first = sheet.memory, sheet.places, sheet.parameters, bounds[band]
+    plane, width = places[P_PLANE], places[P_SCRATCH_WIDTH]
+    blocks = (places[P_COLUMNS] + BLOCK - 1) // BLOCK
+    scratch = row_at(memory, places[P_WIND_SCRATCH] + band * places[P_SCRATCH_SIZE])
+    source, close = row_at(memory, places[P_NATURAL]), np.int64(FEATURE.at_close)
+    air = air_now(parameters, sheet.integers, substep, 0.0)
+    for triple in range(FEATURE.triples):
+        clear(scratch, np.int64(triple), width)
+    if first > 0:
+        wind_cells(first - 1, blocks, natural, source, parameters, air, scratch, width)
+    spare = row_at(scratch, FEATURE.triples * AXES * width)
+    for i in range(first, bounds[band + 1]):
+        clear(scratch, close, width)
+        wind_cells(i, blocks, natural, source, parameters, air, scratch, width)
+        add_wind(i, blocks, scratch, width)
         here = places[P_ACCELERATION] + i * places[P_STRIDE]
-        if not has_wind:
-            for axis in range(axes):
-                base = parameters.gravity if has_gravity and axis == 1 else zero
-                for k in range(classes):
-                    for j in range(places[P_BLOCKS] * block):
-                        memory[here + axis * plane + k * spacing + j] = base
-        if has_particle_forces:
-            for j in range(columns):
-                lane = j % classes * spacing + j // classes
-                place, k, weight = here + lane, i * columns + j, memory[weights + lane]
-                if axes == 2:
-                    a = particle_force((memory[place], memory[place + plane]), k, weight, parameters, integers, step)
-                else:
-                    here_now = memory[place], memory[place + plane], memory[place + 2 * plane]
-                    a = particle_force(here_now, k, weight, parameters, integers, step)
-                for axis in range(axes):
-                    memory[place + axis * plane] = a[axis]
-
-    return add_forces
+        for axis in range(AXES):
+            out = row_at(memory, here + axis * plane)
+            base = parameters.gravity if FEATURE.gravity and axis == 1 else 0.0
+            comb(places[P_CLASS], places[P_BLOCKS], row_at(scratch, place(close, axis, width)), spare)
+            weigh_row(FEATURE.classes * places[P_CLASS], spare, row_at(memory, sheet.row_places[0, i]), base, out)
 
 
-def make_wind(compiler: Compiler, real: Real, parts: frozenset[str], classes: int) -> SimpleNamespace:
-    """Make functions for a band's rows, from `first` to before `last`.
+def force_features(parts: frozenset[str], axes: int, classes: int) -> dict[str, Any]:
+    """Return the features of the routines of this module."""
+    at = triples_of(parts & WIND_PARTS)
+    return features_of(parts) | {
+        "axes": axes, "classes": classes, "particle_forces": bool(particle_forces(parts)), "at_close": at["close"],
+        "triples": at["count"],
+    }  # fmt: skip
 
-    `copy_band(first, last, position, velocity, memory, places, natural)`: the rows, not combed, of planes that begin at
-    `position` and `velocity`; `natural`: the integers of that sheet's layout. `wind_band(first, last, band, substep,
-    memory, places, natural, parameters, integers, row_places)`: gravity and wind into the planes of accelerations;
-    `substep`: counted from time 0.
-    """
-    compiled, block = compiler.compiled, block_of(real)
-    combs, scratches, at = (
-        make_comb(compiler, real, classes),
-        make_scratch(compiler, real),
-        triples_of(parts & WIND_PARTS),
-    )
-    smooth, comb, clear, place = combs.smooth, combs.comb, scratches.clear, scratches.place
-    winds = make_winds(
-        compiler, real, parts & WIND_PARTS, scratches.place, scratches.edge, scratches.forget, scratches.clear, at
-    )
-    air_now, wind_cells, add_wind = winds.air_now, winds.wind_cells, winds.add_wind
-    added = compiler.formulas(distance, real).added
-    has_load, has_gravity = "load" in parts, "gravity" in parts
-    a_close, triples, zero = at["close"], at["count"], real(0)
 
-    @compiled
-    def copy_band(first, last, position, velocity, memory, places, natural):
-        plane = places[P_PLANE]
-        for i in range(first, last):
-            for axis in range(2 * AXES):
-                start = position if axis < AXES else velocity - AXES * plane
-                smooth(
-                    places[P_CLASS], places[P_BLOCKS], row_at(memory, start + axis * plane + i * places[P_STRIDE]),
-                    row_at(memory, places[P_NATURAL] + axis * natural[L_PLANE] + i * natural[L_STRIDE]),
-                )  # fmt: skip
+def with_forces(compiler: Compiler, real: Real, axes: int, parts: frozenset[str]) -> Any:
+    """Return `add_forces` with the forces of a scene."""
+    return filled(add_forces, {"particle_force": make_particle_force(compiler, real, axes, parts)})
 
-    @compiler.row
-    def weigh_row(count, force, weights, base, out):
-        for j in range(count):
-            out[j] = added(base, weights[j], force[j]) if has_load else base + force[j]
 
-    @compiled
-    def wind_band(first, last, band, substep, memory, places, natural, parameters, integers, row_places):
-        plane, width = places[P_PLANE], places[P_SCRATCH_WIDTH]
-        blocks = (places[P_COLUMNS] + block - 1) // block
-        scratch = row_at(memory, places[P_WIND_SCRATCH] + band * places[P_SCRATCH_SIZE])
-        source = row_at(memory, places[P_NATURAL])
-        air = air_now(parameters, integers, substep, zero)
-        for triple in range(triples):
-            clear(scratch, np.int64(triple), width)
-        if first > 0:
-            wind_cells(first - 1, blocks, natural, source, parameters, air, scratch, width)
-        spare = row_at(scratch, triples * AXES * width)
-        for i in range(first, last):
-            clear(scratch, np.int64(a_close), width)
-            wind_cells(i, blocks, natural, source, parameters, air, scratch, width)
-            add_wind(i, blocks, scratch, width)
-            here = places[P_ACCELERATION] + i * places[P_STRIDE]
-            for axis in range(AXES):
-                out = row_at(memory, here + axis * plane)
-                base = parameters.gravity if has_gravity and axis == 1 else zero
-                comb(places[P_CLASS], places[P_BLOCKS], row_at(scratch, place(a_close, axis, width)), spare)
-                weigh_row(
-                    classes * places[P_CLASS], spare, row_at(memory, row_places[0, i]), base, out
-                )  # fmt: skip
-
-    return SimpleNamespace(copy_band=copy_band, wind_band=wind_band)
+def with_wind(compiler: Compiler, real: Real, parts: frozenset[str]) -> Any:
+    """Return `wind_band` with the wind of a scene."""
+    scratch = vars(make_scratch(compiler, real))
+    at = triples_of(parts & WIND_PARTS)
+    return filled(wind_band, scratch | vars(make_winds(compiler, real, parts & WIND_PARTS, at=at, **scratch)))

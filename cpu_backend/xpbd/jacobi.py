@@ -8,13 +8,12 @@ are computed once more.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
-from softlab.cpu_backend.core.layout import block_of, row_at
+from softlab.cpu_backend.core.layout import BLOCK, row_at
 from softlab.cpu_backend.core.scratch import AXES, SPAN, make_scratch
 from softlab.cpu_backend.xpbd.layout import (
     P_BEFORE,
@@ -25,12 +24,24 @@ from softlab.cpu_backend.xpbd.layout import (
     P_SCRATCH_WIDTH,
     P_STRIDE,
 )
-from softlab.cpu_backend.xpbd.stage_projections import make_change
-from softlab.model.base.tuples import reader
+from softlab.cpu_backend.xpbd.rows import constants_of_even, constants_of_odd, family_constants, family_features
+from softlab.cpu_backend.xpbd.stage_projections import change as change_of
+from softlab.cpu_backend.xpbd.walk import sheet_features
 from softlab.model.base.types import Real
-from softlab.model.contact.substep_parameters import CONSTANTS
-from softlab.model.formulas import distance
-from softlab.model.position_based.plan import FAMILIES, Family, families
+from softlab.model.base.variant import FEATURE, Open, filled, routine, row_routine
+from softlab.model.formulas.distance import averaged, gathered, scaled
+from softlab.model.position_based.plan import FAMILIES, families
+
+PLANES = len(FAMILIES)  # of multipliers
+
+clear = Open("clear(scratch, triple, width)")
+edge = Open("edge(triple, axis, width) -> index of column -SPAN of a row of scratch")
+first_triples = Open("first_triples: number of the first triple of scratch rows of each family")
+gather_uneven = Open("gather_uneven(...): `gather_row` of masses with weights")
+vertical = Open("vertical(i, stores, source, turn, later, scratch, sheet): `lead` of this family; so are the others")
+falling, rising, horizontal = Open("falling(...)"), Open("rising(...)"), Open("horizontal(...)")
+far_vertical, far_horizontal = Open("far_vertical(...)"), Open("far_horizontal(...)")
+LEADS = ("vertical", "falling", "rising", "horizontal", "far_vertical", "far_horizontal")  # names of FAMILIES here
 
 
 def displacement_triples(parts: frozenset[str]) -> dict[str, int]:
@@ -48,185 +59,159 @@ def stencil_rows(parts: frozenset[str]) -> int:
     return max([family.rows for family in families(parts)], default=0)
 
 
-def make_displace_row(
-    compiler: Compiler, real: Real, axes: int, soft: bool, damped: bool, alternates: bool
-) -> Callable:
-    """Make displace(blocks, first, second, first_before, second_before, multipliers, later, new_multipliers,
-    reciprocals, rest, compliance, odd_compliance, damping, out): displacements of the second ends. `first` and so on:
-    x, y, z rows."""
-    change_of = make_change(compiler, real, axes, soft, damped)
-    scaled, block, zero = compiler.formulas(distance, real).scaled, block_of(real), real(0)
-
-    def displace(
-        blocks, x, y, z, far_x, far_y, far_z, old_x, old_y, old_z, old_far_x, old_far_y, old_far_z, multipliers, later,
-        new_multipliers, reciprocals, rest, compliance, odd_compliance, damping, out_x, out_y, out_z,
-    ):  # fmt: skip
-        for j in range(blocks * block):
-            dx, dy = far_x[j] - x[j], far_y[j] - y[j]
-            dz = far_z[j] - z[j] if axes == 3 else zero
-            e, compliance_here = (dx, dy, dz), compliance
-            if damped:
-                ez = dz - (old_far_z[j] - old_z[j]) if axes == 3 else zero
-                e = dx - (old_far_x[j] - old_x[j]), dy - (old_far_y[j] - old_y[j]), ez
-            if alternates:
-                compliance_here = odd_compliance if j & 1 else compliance
-            multiplier = zero
-            if soft:
-                multiplier = multipliers[j] if later else zero
-            change, scale = change_of((dx, dy, dz), e, rest, compliance_here, damping, multiplier, reciprocals[j])
-            if soft:
-                new_multipliers[j] = multiplier + change
-            out_x[j] = scaled(scale, dx)
-            out_y[j] = scaled(scale, dy)
-            if axes == 3:
-                out_z[j] = scaled(scale, dz)
-
-    displace.__name__ = "displace" + "_soft" * soft + "_damped" * damped + "_alternating" * alternates
-    return compiler.row(displace)
+@row_routine
+def displace_row(
+    blocks, x, y, z, far_x, far_y, far_z, old_x, old_y, old_z, old_far_x, old_far_y, old_far_z, multipliers, later,
+    new_multipliers, reciprocals, rest, compliance, odd_compliance, damping, out_x, out_y, out_z,
+):  # fmt: skip
+    """Write displacements of the second ends."""
+    for j in range(blocks * BLOCK):
+        dx, dy = far_x[j] - x[j], far_y[j] - y[j]
+        dz = far_z[j] - z[j] if FEATURE.axes == 3 else 0.0
+        e, compliance_here = (dx, dy, dz), compliance
+        if FEATURE.damped:
+            ez = dz - (old_far_z[j] - old_z[j]) if FEATURE.axes == 3 else 0.0
+            e = dx - (old_far_x[j] - old_x[j]), dy - (old_far_y[j] - old_y[j]), ez
+        if FEATURE.alternating and FEATURE.soft and FEATURE.rows_down == 0:
+            compliance_here = odd_compliance if j & 1 else compliance
+        multiplier = 0.0
+        if FEATURE.soft:
+            multiplier = multipliers[j] if later else 0.0
+        change, scale = change_of((dx, dy, dz), e, rest, compliance_here, damping, multiplier, reciprocals[j])
+        if FEATURE.soft:
+            new_multipliers[j] = multiplier + change
+        out_x[j] = scaled(scale, dx)
+        out_y[j] = scaled(scale, dy)
+        if FEATURE.axes == 3:
+            out_z[j] = scaled(scale, dz)
 
 
-def make_lead(
-    compiler: Compiler, real: Real, axes: int, parts: frozenset[str], family: Family, several: bool, edge: Callable
-) -> Callable:
-    """Make lead(i, stores, source, turn, later, scratch, sheet): the constraints of a family that lead from row `i`, at
-    the positions from `source` on.
+@routine
+def lead(i, stores, source, turn, later, scratch, sheet):
+    """Compute the displacements by the constraints of a family that lead from row `i`, at the positions from `source`
+    on.
 
     `stores`: true if this walk writes their multipliers; `turn` 0 or 1: which of the two buffers has the current
     multipliers; `later`: true if there are any.
     """
-    number, down, right = FAMILIES.index(family), family.rows, family.columns
-    soft, damped = several and f"{family.kind}-compliance" in parts, f"{family.kind}-damping" in parts
-    stiff = family.kind == "structural" and "alternating" in parts
-    displace = make_displace_row(compiler, real, axes, soft, damped, stiff and soft and down == 0)
-    constants_of_even = reader(CONSTANTS, compiler.compiled, f"constraint_{family.kind}_")
-    constants_of_odd = reader(CONSTANTS, compiler.compiled, "constraint_stiff_") if stiff else constants_of_even
-    at = displacement_triples(parts)
-    first_triple, idle = at[family.name], at["idle"]
-    near_lane, far_lane, planes = max(0, -right), max(0, right), len(FAMILIES)
-
-    @compiler.compiled
-    def lead(i, stores, source, turn, later, scratch, sheet):
-        memory, places, parameters, row_places = sheet.memory, sheet.places, sheet.parameters, sheet.row_places
-        stride, plane, width = places[P_STRIDE], places[P_PLANE], places[P_SCRATCH_WIDTH]
-        row = min(i + down, places[P_ROWS] - 1)  # below the last row there is none: reciprocals are 0
-        first, second = source + i * stride + near_lane, source + row * stride + far_lane
-        old = places[P_BEFORE] - source if damped else np.int64(0)
-        triple = first_triple + i % (down + 1)
-        here = row_at(memory, places[P_MULTIPLIERS] + (number + turn * planes) * plane + i * stride)
-        there = row_at(memory, places[P_MULTIPLIERS] + (number + (1 - turn) * planes) * plane + i * stride)
-        if not stores:
-            there = row_at(scratch, edge(idle, 0, width))
-        even, odd = constants_of_even(parameters), constants_of_odd(parameters)
-        constants = odd if down > 0 and i & 1 else even
-        displace(
-            places[P_BLOCKS], row_at(memory, first), row_at(memory, first + plane), row_at(memory, first + 2 * plane),
-            row_at(memory, second), row_at(memory, second + plane), row_at(memory, second + 2 * plane),
-            row_at(memory, old + first), row_at(memory, old + first + plane), row_at(memory, old + first + 2 * plane),
-            row_at(memory, old + second), row_at(memory, old + second + plane), row_at(memory, old + second + 2 * plane),
-            here, later, there, row_at(memory, row_places[2 + number, i]), constants.rest,
-            constants.compliance, odd.compliance, constants.damping,
-            row_at(scratch, edge(triple, 0, width) + SPAN), row_at(scratch, edge(triple, 1, width) + SPAN),
-            row_at(scratch, edge(triple, 2, width) + SPAN),
-        )  # fmt: skip
-
-    return lead
+    memory, places, parameters, row_places = sheet.memory, sheet.places, sheet.parameters, sheet.row_places
+    stride, plane, width = places[P_STRIDE], places[P_PLANE], places[P_SCRATCH_WIDTH]
+    row = min(i + FEATURE.rows_down, places[P_ROWS] - 1)  # below the last row there is none: reciprocals are 0
+    first, second = source + i * stride, source + row * stride
+    if FEATURE.rising:
+        first = first + FEATURE.columns_along
+    else:
+        second = second + FEATURE.columns_along
+    old = places[P_BEFORE] - source if FEATURE.damped else np.int64(0)
+    triple, of_family = FEATURE.first_triple + i % (FEATURE.rows_down + 1), 2 + FEATURE.family
+    here = row_at(memory, places[P_MULTIPLIERS] + (FEATURE.family + turn * PLANES) * plane + i * stride)
+    there = row_at(memory, places[P_MULTIPLIERS] + (FEATURE.family + (1 - turn) * PLANES) * plane + i * stride)
+    if not stores:
+        there = row_at(scratch, edge(FEATURE.idle_triple, 0, width))
+    even, odd = constants_of_even(parameters), constants_of_odd(parameters)
+    constants = odd if FEATURE.rows_down > 0 and i & 1 else even
+    displace_row(
+        places[P_BLOCKS], row_at(memory, first), row_at(memory, first + plane), row_at(memory, first + 2 * plane),
+        row_at(memory, second), row_at(memory, second + plane), row_at(memory, second + 2 * plane),
+        row_at(memory, old + first), row_at(memory, old + first + plane), row_at(memory, old + first + 2 * plane),
+        row_at(memory, old + second), row_at(memory, old + second + plane), row_at(memory, old + second + 2 * plane),
+        here, later, there, row_at(memory, row_places[of_family, i]), constants.rest,
+        constants.compliance, odd.compliance, constants.damping,
+        row_at(scratch, edge(triple, 0, width) + SPAN), row_at(scratch, edge(triple, 1, width) + SPAN),
+        row_at(scratch, edge(triple, 2, width) + SPAN),
+    )  # fmt: skip
 
 
-def make_gather_row(compiler: Compiler, real: Real, parts: frozenset[str], uneven: bool) -> Callable:
-    """Make gather(blocks, position, weights, valences, displacements of ten rows, out): one axis of a row. A row of
-    displacements begins REACH columns before the sheet's first one."""
-    formulas, block = compiler.formulas(distance, real), block_of(real)
-    gathered, averaged = formulas.gathered, formulas.averaged
-    has_structural, has_shear, has_bending = (kind in parts for kind in ("structural", "shear", "bending"))
-    in_the_mean = "averaged-jacobi" in parts
-    zero, one = real(0), real(1)
-
-    def gather(
-        blocks, position, weights, valences, across, down, above, falling, falling_above, rising, rising_above, far_across,
-        far_down, far_above, out,
-    ):  # fmt: skip
-        for k in range(SPAN, blocks * block + SPAN):
-            total = zero
-            if has_structural:
-                total = (across[k - 1] - across[k]) + (above[k] - down[k])
-            if has_shear:
-                shear = (falling_above[k - 1] - falling[k]) + (rising_above[k] - rising[k - 1])
-                total = total + shear if has_structural else shear
-            if has_bending:
-                bending = (far_across[k - 2] - far_across[k]) + (far_above[k] - far_down[k])
-                total = total + bending if has_structural or has_shear else bending
-            j = k - SPAN
-            weight = weights[j] if uneven else one
-            if in_the_mean:
-                out[j] = averaged(position[j], weight, total, valences[j])
-            else:
-                out[j] = gathered(position[j], weight, total)
-
-    gather.__name__ = "gather_uneven" if uneven else "gather"
-    return compiler.row(gather)
+@row_routine
+def gather_row(
+    blocks, position, weights, valences, across, down, above, falling, falling_above, rising, rising_above, far_across,
+    far_down, far_above, out,
+):  # fmt: skip
+    """Move one axis of a row by displacements, whose rows begin SPAN columns before the sheet's first one."""
+    for k in range(SPAN, blocks * BLOCK + SPAN):
+        total = 0.0
+        if FEATURE.structural:
+            total = (across[k - 1] - across[k]) + (above[k] - down[k])
+        if FEATURE.shear:
+            shear = (falling_above[k - 1] - falling[k]) + (rising_above[k] - rising[k - 1])
+            total = total + shear if FEATURE.structural else shear
+        if FEATURE.bending:
+            bending = (far_across[k - 2] - far_across[k]) + (far_above[k] - far_down[k])
+            total = total + bending if FEATURE.structural or FEATURE.shear else bending
+        j = k - SPAN
+        weight = weights[j] if FEATURE.uneven else 1.0
+        if FEATURE.averaged_jacobi:
+            out[j] = averaged(position[j], weight, total, valences[j])
+        else:
+            out[j] = gathered(position[j], weight, total)
 
 
-def make_iterate(compiler: Compiler, real: Real, axes: int, parts: frozenset[str], several: bool) -> SimpleNamespace:
-    """Make `open_walk(first, source, turn, later, scratch, sheet)`, called before a band's first row, and
-    `iterate_row(i, source, target, turn, later, scratch, sheet)`, row by row: from the positions at `source` to those
-    at `target`. See make_lead."""
-    scratches, at = make_scratch(compiler, real), displacement_triples(parts)
-    edge, clear, triples, compiled = scratches.edge, scratches.clear, at["count"], compiler.compiled
-
-    @compiled
-    def nothing(i, stores, source, turn, later, scratch, sheet):
-        """Do nothing, for a family that the scene lacks."""
-
-    leads = [
-        make_lead(compiler, real, axes, parts, family, several, edge) if family.kind in parts else nothing
-        for family in FAMILIES
-    ]
-    vertical, falling, rising, horizontal, far_vertical, far_horizontal = leads
-    gather_even = make_gather_row(compiler, real, parts, False)
-    gather_uneven = make_gather_row(compiler, real, parts, True) if parts & {"pins", "load"} else gather_even
-    a_vertical, a_falling, a_rising, a_horizontal, a_far_vertical, a_far_horizontal = (
-        at.get(family.name, at["idle"]) for family in FAMILIES
-    )
-
-    @compiled
-    def lead_down(i, stores, source, turn, later, scratch, sheet):
+@routine
+def lead_down(i, stores, source, turn, later, scratch, sheet):
+    if FEATURE.structural:
         vertical(i, stores, source, turn, later, scratch, sheet)
+    if FEATURE.shear:
         falling(i, stores, source, turn, later, scratch, sheet)
         rising(i, stores, source, turn, later, scratch, sheet)
+    if FEATURE.bending:
         far_vertical(i, stores, source, turn, later, scratch, sheet)
 
-    @compiled
-    def open_walk(first, source, turn, later, scratch, sheet):
-        if first < SPAN:
-            for triple in range(triples):
-                clear(scratch, np.int64(triple), sheet.places[P_SCRATCH_WIDTH])
-        for i in range(max(first - SPAN, 0), first):
-            lead_down(i, False, source, turn, later, scratch, sheet)
 
-    @compiled
-    def iterate_row(i, source, target, turn, later, scratch, sheet):
-        memory, places, row_places, row_uneven = sheet.memory, sheet.places, sheet.row_places, sheet.row_uneven
-        plane, here, width = places[P_PLANE], i * places[P_STRIDE], places[P_SCRATCH_WIDTH]
+@routine
+def open_walk(first, source, turn, later, scratch, sheet):
+    """Prepare the scratch of a band that begins at row `first`."""
+    if first < SPAN:
+        for triple in range(FEATURE.triples):
+            clear(scratch, np.int64(triple), sheet.places[P_SCRATCH_WIDTH])
+    for i in range(max(first - SPAN, 0), first):
+        lead_down(i, False, source, turn, later, scratch, sheet)
+
+
+@routine
+def iterate_row(i, source, target, turn, later, scratch, sheet):
+    """Move row `i` from the positions at `source` to those at `target`; see `lead`."""
+    memory, places, row_places, row_uneven = sheet.memory, sheet.places, sheet.row_places, sheet.row_uneven
+    plane, here, width = places[P_PLANE], i * places[P_STRIDE], places[P_SCRATCH_WIDTH]
+    if FEATURE.structural:
         horizontal(i, True, source, turn, later, scratch, sheet)
+    if FEATURE.bending:
         far_horizontal(i, True, source, turn, later, scratch, sheet)
-        lead_down(i, True, source, turn, later, scratch, sheet)
-        now, before, far_now, far_before = i % 2, (i + 1) % 2, i % 3, (i + 1) % 3
-        for axis in range(axes):
-            row = axis * plane + here
-            arguments = (
-                places[P_BLOCKS], row_at(memory, source + row), row_at(memory, row_places[0, i]),
-                row_at(memory, row_places[1, i]), row_at(scratch, edge(a_horizontal, axis, width)),
-                row_at(scratch, edge(a_vertical + now, axis, width)), row_at(scratch, edge(a_vertical + before, axis, width)),
-                row_at(scratch, edge(a_falling + now, axis, width)), row_at(scratch, edge(a_falling + before, axis, width)),
-                row_at(scratch, edge(a_rising + now, axis, width)), row_at(scratch, edge(a_rising + before, axis, width)),
-                row_at(scratch, edge(a_far_horizontal, axis, width)),
-                row_at(scratch, edge(a_far_vertical + far_now, axis, width)),
-                row_at(scratch, edge(a_far_vertical + far_before, axis, width)), row_at(memory, target + row),
-            )  # fmt: skip
-            if row_uneven[i]:
-                gather_uneven(*arguments)
-            else:
-                gather_even(*arguments)
+    lead_down(i, True, source, turn, later, scratch, sheet)
+    a_vertical, a_falling, a_rising, a_horizontal, a_far_vertical, a_far_horizontal = first_triples
+    now, before, far_now, far_before = i % 2, (i + 1) % 2, i % 3, (i + 1) % 3
+    for axis in range(FEATURE.axes):
+        row = axis * plane + here
+        arguments = (
+            places[P_BLOCKS], row_at(memory, source + row), row_at(memory, row_places[0, i]),
+            row_at(memory, row_places[1, i]), row_at(scratch, edge(a_horizontal, axis, width)),
+            row_at(scratch, edge(a_vertical + now, axis, width)), row_at(scratch, edge(a_vertical + before, axis, width)),
+            row_at(scratch, edge(a_falling + now, axis, width)), row_at(scratch, edge(a_falling + before, axis, width)),
+            row_at(scratch, edge(a_rising + now, axis, width)), row_at(scratch, edge(a_rising + before, axis, width)),
+            row_at(scratch, edge(a_far_horizontal, axis, width)),
+            row_at(scratch, edge(a_far_vertical + far_now, axis, width)),
+            row_at(scratch, edge(a_far_vertical + far_before, axis, width)), row_at(memory, target + row),
+        )  # fmt: skip
+        if row_uneven[i]:
+            gather_uneven(*arguments)
+        else:
+            gather_row(*arguments)
 
-    assert AXES == 3 and axes <= AXES
-    return SimpleNamespace(open_walk=open_walk, iterate_row=iterate_row)
+
+def iteration_of(compiler: Compiler, real: Real, axes: int, parts: frozenset[str], several: bool) -> dict[str, Any]:
+    """Return `open_walk` and `iterate_row` with the constraints of a scene, by name."""
+    assert axes <= AXES
+    at, scratch = displacement_triples(parts), make_scratch(compiler, real)
+    names: dict[str, Any] = {"edge": scratch.edge, "clear": scratch.clear}
+    for name, family in zip(LEADS, FAMILIES, strict=True):
+        if family.kind in parts:
+            features = family_features(parts, axes, family, several)
+            features |= {"first_triple": at[family.name], "idle_triple": at["idle"]}
+            constants = family_constants(compiler, parts, family)
+            names[name] = compiler.variant_of(real, features)(filled(lead, names | constants))
+    features = sheet_features(parts, axes, 1) | {"uneven": bool(parts & {"pins", "load"})}
+    names |= {
+        "gather_uneven": compiler.variant_of(real, features)(gather_row),
+        "first_triples": tuple(at.get(family.name, at["idle"]) for family in FAMILIES),
+    }
+    names["lead_down"] = filled(lead_down, names)
+    return {"open_walk": filled(open_walk, names), "iterate_row": filled(iterate_row, names)}

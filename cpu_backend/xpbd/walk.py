@@ -1,21 +1,19 @@
 """Operations of both orderings' kernels on a row before and after its constraints: prediction, attachments, velocity,
 colliders.
 
-All functions pass on `sheet`, a Sheet.
+All routines pass on `sheet`, a Sheet.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from types import SimpleNamespace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from softlab.cpu_backend.contact.colliders import make_collide_row
 from softlab.cpu_backend.core.compile import Compiler
-from softlab.cpu_backend.core.layout import block_of, row_at
-from softlab.cpu_backend.xpbd.forces import has_forces, make_forces
+from softlab.cpu_backend.core.layout import BLOCK, row_at
+from softlab.cpu_backend.xpbd.forces import add_forces, force_features, has_forces, with_forces
 from softlab.cpu_backend.xpbd.layout import (
     P_ACCELERATION,
     P_ANCHORS,
@@ -28,10 +26,17 @@ from softlab.cpu_backend.xpbd.layout import (
     P_PLANE,
     P_STRIDE,
 )
-from softlab.cpu_backend.xpbd.rows import make_motion_rows
+from softlab.cpu_backend.xpbd.rows import factor_of, finish, pin, predict
 from softlab.model.base.types import Real
-from softlab.model.formulas import distance, lengths
+from softlab.model.base.variant import FEATURE, Open, filled, routine, row_routine
+from softlab.model.formulas.distance import tether, tethered
+from softlab.model.formulas.lengths import squared_length, squared_length_3d
 from softlab.model.tables.cloth import COLLIDER_KINDS
+
+collide_row = Open(
+    "collide_row(bodies, kinds, substep, parameters, blocks, source, here, plane, target, there, target_plane)"
+)
+predict_uneven = Open("predict_uneven(...): `predict` of masses with weights")
 
 
 class Sheet(NamedTuple):
@@ -60,132 +65,130 @@ def keeps_velocity(parts: frozenset[str]) -> bool:
     return not parts.isdisjoint(COLLIDER_KINDS) or ("gauss-seidel" not in parts and dampers)
 
 
-def make_attach_row(compiler: Compiler, real: Real, axes: int, parts: frozenset[str]) -> Callable:
-    """Make attach_row(i, position, sheet): the attachments of row `i`."""
-    formulas, block = compiler.formulas(distance, real), block_of(real)
-    tether, tethered = formulas.tether, formulas.tethered
-    squares = compiler.formulas(lengths, real)
-    squared_length_2d, squared_length_3d = squares.squared_length, squares.squared_length_3d
-    zero, one = real(0), real(1)
-
-    @compiler.row
-    def pull_back(blocks, x, y, z, weights, anchor, max_distance, pin_x, pin_y, pin_z):
-        for j in range(blocks * block):
-            ax, ay = pin_x[anchor[j]], pin_y[anchor[j]]
-            az = pin_z[anchor[j]] if axes == 3 else zero
-            dx, dy = x[j] - ax, y[j] - ay
-            dz = z[j] - az if axes == 3 else zero
-            squared = squared_length_2d(dx, dy) if axes == 2 else squared_length_3d(dx, dy, dz)
-            factor = tether(squared, max_distance[j]) if weights[j] > zero else one
-            x[j] = tethered(x[j], ax, dx, factor)
-            y[j] = tethered(y[j], ay, dy, factor)
-            if axes == 3:
-                z[j] = tethered(z[j], az, dz, factor)
-
-    @compiler.compiled
-    def attach_row(i, classes, position, sheet):
-        memory, places, row_places, anchors = sheet.memory, sheet.places, sheet.row_places, sheet.anchors
-        plane, pins = places[P_PLANE], places[P_PIN_COUNT]
-        for c in range(classes):
-            lane = c * places[P_CLASS]
-            here = i * places[P_STRIDE] + lane
-            for k in range(places[P_ANCHORS]):
-                pull_back(
-                    places[P_BLOCKS], row_at(memory, position + here), row_at(memory, position + here + plane),
-                    row_at(memory, position + here + 2 * plane), row_at(memory, row_places[0, i] + lane),
-                    row_at(anchors, k * plane + here), row_at(memory, places[P_MAX_DISTANCE] + k * plane + here),
-                    row_at(memory, places[P_PINS]), row_at(memory, places[P_PINS] + pins),
-                    row_at(memory, places[P_PINS] + 2 * pins),
-                )  # fmt: skip
-
-    return attach_row
+@row_routine
+def pull_back(blocks, x, y, z, weights, anchor, max_distance, pin_x, pin_y, pin_z):
+    for j in range(blocks * BLOCK):
+        ax, ay = pin_x[anchor[j]], pin_y[anchor[j]]
+        az = pin_z[anchor[j]] if FEATURE.axes == 3 else 0.0
+        dx, dy = x[j] - ax, y[j] - ay
+        dz = z[j] - az if FEATURE.axes == 3 else 0.0
+        squared = squared_length(dx, dy) if FEATURE.axes == 2 else squared_length_3d(dx, dy, dz)
+        factor = tether(squared, max_distance[j]) if weights[j] > 0.0 else 1.0
+        x[j] = tethered(x[j], ax, dx, factor)
+        y[j] = tethered(y[j], ay, dy, factor)
+        if FEATURE.axes == 3:
+            z[j] = tethered(z[j], az, dz, factor)
 
 
-def make_walk(compiler: Compiler, real: Real, axes: int, parts: frozenset[str], classes: int) -> SimpleNamespace:
-    """Make `begin_row`, `end_iteration` and `end_row`.
+@routine
+def attach_row(i, position, sheet):
+    """Apply the attachments of row `i`."""
+    memory, places, row_places, anchors = sheet.memory, sheet.places, sheet.row_places, sheet.anchors
+    plane, pins = places[P_PLANE], places[P_PIN_COUNT]
+    for c in range(FEATURE.classes):
+        lane = c * places[P_CLASS]
+        here = i * places[P_STRIDE] + lane
+        for k in range(places[P_ANCHORS]):
+            pull_back(
+                places[P_BLOCKS], row_at(memory, position + here), row_at(memory, position + here + plane),
+                row_at(memory, position + here + 2 * plane), row_at(memory, row_places[0, i] + lane),
+                row_at(anchors, k * plane + here), row_at(memory, places[P_MAX_DISTANCE] + k * plane + here),
+                row_at(memory, places[P_PINS]), row_at(memory, places[P_PINS] + pins),
+                row_at(memory, places[P_PINS] + 2 * pins),
+            )  # fmt: skip
 
-    `begin_row(i, step, position, sheet)`: the row's prediction, in place; `position`: offset of the planes of
-    positions, which with colliders are followed by those of velocities; otherwise velocities have one place for both
-    buffers of positions. `end_iteration(i, position, sheet)`: attachments. `end_row(i, substep, position, sheet)`:
-    velocity and colliders.
+
+@routine
+def rows_of(i, axis, c, position, places):
+    """Return the offsets of a class of row `i`: its positions, velocities, and positions before."""
+    plane = places[P_PLANE]
+    row = i * places[P_STRIDE] + c * places[P_CLASS] + axis * plane
+    velocity = position + FEATURE.axes * plane if FEATURE.separate_before else FEATURE.axes * plane
+    return position + row, velocity + row, places[P_BEFORE] + row
+
+
+@routine
+def begin_row(i, step, position, sheet):
+    """Predict a row, in place.
+
+    `position`: offset of the planes of positions, which with colliders are followed by those of velocities; otherwise
+    velocities have one place for both buffers of positions.
     """
-    apart = keeps_velocity(parts)
-    forces_differ, has_attachments = has_forces(parts), "attachments" in parts
-    rows = make_motion_rows(compiler, real, parts, apart, forces_differ)
-    predict, predict_uneven, factor_of = rows.predict, rows.predict_uneven, rows.factor_of
-    finish, pin = rows.finish, rows.pin
-    add_forces = make_forces(compiler, real, axes, parts, classes)
-    attach_row = make_attach_row(compiler, real, axes, parts)
-    collide_row = make_collide_row(compiler, real, parts)
-    zero, has_gravity = real(0), "gravity" in parts
-
-    @compiler.compiled
-    def rows_of(i, axis, c, position, places):
-        """Return the offsets of a class of row `i`: its positions, velocities, and positions before."""
-        plane = places[P_PLANE]
-        row = i * places[P_STRIDE] + c * places[P_CLASS] + axis * plane
-        velocity = position + axes * plane if apart else axes * plane
-        return position + row, velocity + row, places[P_BEFORE] + row
-
-    @compiler.compiled
-    def begin_row(i, step, position, sheet):
-        memory, places, parameters, integers = sheet.memory, sheet.places, sheet.parameters, sheet.integers
-        row_places, row_uneven = sheet.row_places, sheet.row_uneven
-        factor = factor_of(parameters.keep, parameters.braking)
-        if forces_differ:
-            add_forces(i, step, memory, places, parameters, integers, row_places[0, i])
-        for axis in range(axes):
-            gravity = parameters.gravity if has_gravity and axis == 1 else zero
-            for c in range(classes):
-                p, v, before = rows_of(i, axis, c, position, places)
-                acceleration = places[P_ACCELERATION] + p - position
-                arguments = (
-                    places[P_BLOCKS], row_at(memory, p), row_at(memory, v), row_at(memory, before),
-                    row_at(memory, acceleration), gravity, row_at(memory, row_places[0, i] + c * places[P_CLASS]), factor,
-                    parameters.braking, parameters.dt,
-                )  # fmt: skip
-                if row_uneven[i]:
-                    predict_uneven(*arguments)
-                else:
-                    predict(*arguments)
-
-    @compiler.compiled
-    def end_iteration(i, position, sheet):
-        if has_attachments:
-            attach_row(i, classes, position, sheet)
-
-    @compiler.compiled
-    def touch_row(i, substep, position, sheet):
-        memory, places, parameters, bodies = sheet.memory, sheet.places, sheet.parameters, sheet.bodies
-        kinds, row_places, row_uneven = sheet.kinds, sheet.row_places, sheet.row_uneven
-        for c in range(classes):
-            lane = i * places[P_STRIDE] + c * places[P_CLASS]
-            collide_row(
-                bodies, kinds, substep, parameters, places[P_BLOCKS], memory, places[P_BEFORE] + lane, places[P_PLANE],
-                memory, position + lane, places[P_PLANE],
+    memory, places, parameters, integers = sheet.memory, sheet.places, sheet.parameters, sheet.integers
+    row_places, row_uneven = sheet.row_places, sheet.row_uneven
+    factor = factor_of(parameters.keep, parameters.braking)
+    if FEATURE.mass_forces:
+        add_forces(i, step, memory, places, parameters, integers, row_places[0, i])
+    for axis in range(FEATURE.axes):
+        gravity = parameters.gravity if FEATURE.gravity and axis == 1 else 0.0
+        for c in range(FEATURE.classes):
+            p, v, before = rows_of(i, axis, c, position, places)
+            acceleration = places[P_ACCELERATION] + p - position
+            arguments = (
+                places[P_BLOCKS], row_at(memory, p), row_at(memory, v), row_at(memory, before),
+                row_at(memory, acceleration), gravity, row_at(memory, row_places[0, i] + c * places[P_CLASS]), factor,
+                parameters.braking, parameters.dt,
             )  # fmt: skip
             if row_uneven[i]:
-                for axis in range(axes):
-                    p, v, before = rows_of(i, axis, c, position, places)
-                    pin(
-                        places[P_BLOCKS], row_at(memory, p), row_at(memory, v), row_at(memory, before),
-                        row_at(memory, row_places[0, i] + c * places[P_CLASS]),
-                    )  # fmt: skip
+                predict_uneven(*arguments)
+            else:
+                predict(*arguments)
 
-    @compiler.compiled
-    def end_row(i, substep, position, sheet):
-        memory, places, parameters = sheet.memory, sheet.places, sheet.parameters
-        for axis in range(axes):
-            for c in range(classes):
+
+@routine
+def end_iteration(i, position, sheet):
+    if FEATURE.attachments:
+        attach_row(i, position, sheet)
+
+
+@routine
+def touch_row(i, substep, position, sheet):
+    """Apply the colliders to row `i`."""
+    memory, places, parameters, bodies = sheet.memory, sheet.places, sheet.parameters, sheet.bodies
+    kinds, row_places, row_uneven = sheet.kinds, sheet.row_places, sheet.row_uneven
+    for c in range(FEATURE.classes):
+        lane = i * places[P_STRIDE] + c * places[P_CLASS]
+        collide_row(
+            bodies, kinds, substep, parameters, places[P_BLOCKS], memory, places[P_BEFORE] + lane, places[P_PLANE],
+            memory, position + lane, places[P_PLANE],
+        )  # fmt: skip
+        if row_uneven[i]:
+            for axis in range(FEATURE.axes):
                 p, v, before = rows_of(i, axis, c, position, places)
-                finish(
-                    places[P_BLOCKS],
-                    row_at(memory, p),
-                    row_at(memory, v),
-                    row_at(memory, before),
-                    parameters.inverse_substep,
-                )
-        if apart:
-            touch_row(i, substep, position, sheet)
+                pin(
+                    places[P_BLOCKS], row_at(memory, p), row_at(memory, v), row_at(memory, before),
+                    row_at(memory, row_places[0, i] + c * places[P_CLASS]),
+                )  # fmt: skip
 
-    return SimpleNamespace(begin_row=begin_row, end_iteration=end_iteration, end_row=end_row)
+
+@routine
+def end_row(i, substep, position, sheet):
+    """Compute the velocity of row `i` and apply the colliders."""
+    memory, places, parameters = sheet.memory, sheet.places, sheet.parameters
+    for axis in range(FEATURE.axes):
+        for c in range(FEATURE.classes):
+            p, v, before = rows_of(i, axis, c, position, places)
+            finish(
+                places[P_BLOCKS],
+                row_at(memory, p),
+                row_at(memory, v),
+                row_at(memory, before),
+                parameters.inverse_substep,
+            )
+    if FEATURE.separate_before:
+        touch_row(i, substep, position, sheet)
+
+
+def sheet_features(parts: frozenset[str], axes: int, classes: int) -> dict[str, Any]:
+    """Return the features of the routines of a sheet's rows."""
+    return force_features(parts, axes, classes) | {
+        "separate_before": keeps_velocity(parts), "mass_forces": has_forces(parts)
+    }  # fmt: skip
+
+
+def walk_of(compiler: Compiler, real: Real, axes: int, parts: frozenset[str], classes: int) -> dict[str, Any]:
+    """Return `begin_row` and `end_row` with the forces and colliders of a scene, by name."""
+    uneven = compiler.variant_of(real, sheet_features(parts, axes, classes) | {"uneven": True})
+    names = {"add_forces": with_forces(compiler, real, axes, parts), "predict_uneven": uneven(predict)}
+    touch = filled(touch_row, {"collide_row": make_collide_row(compiler, real, parts)})
+    return {"begin_row": filled(begin_row, names), "end_row": filled(end_row, {"touch_row": touch})}

@@ -8,17 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
+from typing import Any
 
 from softlab.gpu_backend.core.compile import inlined
-from softlab.gpu_backend.core.formulas import device_formulas
 from softlab.gpu_backend.core.quads import load_quad, store_quad
 from softlab.model.base.tuples import reader
-from softlab.model.base.types import Real
-from softlab.model.contact.substep_parameters import (
-    CONSTANTS,
-    OF_SHEETS,
-)
-from softlab.model.formulas import distance, lengths
+from softlab.model.base.variant import FEATURE, features_of, inlined_routine
+from softlab.model.contact.substep_parameters import CONSTANTS, OF_SHEETS
+from softlab.model.formulas.distance import damped_change, moved, rigid_change, soft_change
+from softlab.model.formulas.distance import reciprocal as reciprocal_of
+from softlab.model.formulas.lengths import dot, squared_length, squared_length_3d
 from softlab.model.position_based.plan import Family
 
 KINDS = ("structural", "shear", "bending")
@@ -43,82 +42,69 @@ def make_constants(math: str) -> Callable:
     return inline(lambda record: (structural(record), stiff(record), shear(record), bending(record)))
 
 
-@cache
-def make_change(real: Real, math: str, parts: frozenset[str], kind: str, axes: int) -> Callable:
-    """Make change(d, e, reciprocal, multiplier, rest, compliance, damping) -> (change, its scale) of one of a kind's
-    constraints: d is the vector between its ends, e its change in this substep."""
-    formulas = device_formulas(distance, real, math)
-    rigid, soft, damped = formulas.rigid_change, formulas.soft_change, formulas.damped_change
-    products = device_formulas(lengths, real, math)
-    squared_2d, squared_3d, along_3d = products.squared_length, products.squared_length_3d, products.dot
-    has_compliance, has_damper = f"{kind}-compliance" in parts, f"{kind}-damping" in parts
-    solid = axes == 3
-
-    @inlined(math)
-    def change(d, e, reciprocal, multiplier, rest, compliance, damping):
-        (dx, dy, dz), (ex, ey, ez) = d, e
-        squared = squared_3d(dx, dy, dz) if solid else squared_2d(dx, dy)
-        if has_damper:
-            along, passed = along_3d(dx, dy, dz, ex, ey, ez), along_3d(ex, ey, ez, ex, ey, ez)
-            return damped(squared, rest, reciprocal, compliance, multiplier, damping, along, passed)
-        if has_compliance:
-            return soft(squared, rest, reciprocal, compliance, multiplier)
-        return rigid(squared, rest, reciprocal)
-
-    return change
+def kind_features(parts: frozenset[str], kind: str, axes: int) -> dict[str, Any]:
+    """Return the features of one kind of constraints."""
+    return features_of(parts) | {
+        "axes": axes, "soft": f"{kind}-compliance" in parts, "damped": f"{kind}-damping" in parts,
+        "constants": OF_SHEETS.index(kind),
+    }  # fmt: skip
 
 
-@cache
-def make_pair(real: Real, math: str, parts: frozenset[str], family: Family, colour: int, axes: int) -> Callable:
-    """Make pair(position, before, a, b, multiplier, constants): it projects the constraint between the masses at
-    indices a (the first) and b of both arrays, moves both in `position`, and returns the new multiplier."""
-    kind = "stiff" if "alternating" in parts and family.kind == "structural" and colour else family.kind
-    number = OF_SHEETS.index(kind)
-    change_of = make_change(real, math, parts, family.kind, axes)
-    formulas = device_formulas(distance, real, math)
-    moved, reciprocal_of = formulas.moved, formulas.reciprocal
-    has_pins, has_load, solid = "pins" in parts, "load" in parts, axes == 3
-    has_damper = f"{family.kind}-damping" in parts
-    zero, one, two = real(0), real(1), real(2)
-    inline = inlined(math)
+def family_features(parts: frozenset[str], family: Family, colour: int, axes: int) -> dict[str, Any]:
+    """Return the features of one colour of a family of constraints."""
+    stiff = "alternating" in parts and family.kind == "structural" and colour
+    return kind_features(parts, family.kind, axes) | {
+        "constants": OF_SHEETS.index("stiff" if stiff else family.kind), "colour": int(colour),
+        "rows_down": family.rows, "columns_along": abs(family.columns), "rising": family.columns < 0,
+    }  # fmt: skip
 
-    @inline
-    def reciprocal_between(first, second, constants_here):
-        """Return the reciprocal from the weights of both ends."""
-        if has_load:
-            return reciprocal_of(first + second, constants_here.stiffening, constants_here.compliance)
-        if has_pins:
-            weight = first + second
-            return constants_here.both if weight == two else constants_here.one if weight == one else zero
-        return constants_here.both
 
-    @inline
-    def pair(position, before, a, b, multiplier, constants):
-        constants_here = constants[number]
-        p, q = load_quad(position, a), load_quad(position, b)
-        dx, dy, dz = q[0] - p[0], q[1] - p[1], q[2] - p[2]
-        ex, ey, ez = zero, zero, zero
-        if has_damper:
-            old_p, old_q = load_quad(before, a), load_quad(before, b)
-            ex, ey, ez = dx - (old_q[0] - old_p[0]), dy - (old_q[1] - old_p[1]), dz - (old_q[2] - old_p[2])
-        reciprocal = reciprocal_between(p[3], q[3], constants_here)
-        change, scale = change_of(
-            (dx, dy, dz),
-            (ex, ey, ez),
-            reciprocal,
-            multiplier,
-            constants_here.rest,
-            constants_here.compliance,
-            constants_here.damping,
-        )
-        wp, wq = one, one
-        if has_pins or has_load:
-            wp, wq = p[3], q[3]
-        pz, qz = p[2], q[2]
-        if solid:
-            pz, qz = moved(pz, wp, -scale, dz), moved(qz, wq, scale, dz)
-        store_quad(position, a, moved(p[0], wp, -scale, dx), moved(p[1], wp, -scale, dy), pz, p[3])
-        store_quad(position, b, moved(q[0], wq, scale, dx), moved(q[1], wq, scale, dy), qz, q[3])
-        return multiplier + change
+@inlined_routine
+def change(d, e, reciprocal, multiplier, rest, compliance, damping):
+    """Return (change, its scale) of a constraint: d is the vector between its ends, e its change in this substep."""
+    (dx, dy, dz), (ex, ey, ez) = d, e
+    squared = squared_length_3d(dx, dy, dz) if FEATURE.axes == 3 else squared_length(dx, dy)
+    if FEATURE.damped:
+        along, passed = dot(dx, dy, dz, ex, ey, ez), dot(ex, ey, ez, ex, ey, ez)
+        return damped_change(squared, rest, reciprocal, compliance, multiplier, damping, along, passed)
+    if FEATURE.soft:
+        return soft_change(squared, rest, reciprocal, compliance, multiplier)
+    return rigid_change(squared, rest, reciprocal)
 
-    return pair
+
+@inlined_routine
+def reciprocal_between(first, second, constants):
+    """Return the reciprocal from the weights of both ends."""
+    if FEATURE.load:
+        return reciprocal_of(first + second, constants.stiffening, constants.compliance)
+    if FEATURE.pins:
+        weight = first + second
+        return constants.both if weight == 2.0 else constants.one if weight == 1.0 else 0.0
+    return constants.both
+
+
+@inlined_routine
+def pair(position, before, a, b, multiplier, constants_of_kinds):
+    """Project the constraint between the masses at indices a (the first) and b of both arrays: move both in `position`.
+    Return the new multiplier."""
+    number = FEATURE.constants
+    constants = constants_of_kinds[number]
+    p, q = load_quad(position, a), load_quad(position, b)
+    dx, dy, dz = q[0] - p[0], q[1] - p[1], q[2] - p[2]
+    ex, ey, ez = 0.0, 0.0, 0.0
+    if FEATURE.damped:
+        old_p, old_q = load_quad(before, a), load_quad(before, b)
+        ex, ey, ez = dx - (old_q[0] - old_p[0]), dy - (old_q[1] - old_p[1]), dz - (old_q[2] - old_p[2])
+    reciprocal = reciprocal_between(p[3], q[3], constants)
+    added, scale = change(
+        (dx, dy, dz), (ex, ey, ez), reciprocal, multiplier, constants.rest, constants.compliance, constants.damping
+    )
+    wp, wq = 1.0, 1.0
+    if FEATURE.pins or FEATURE.load:
+        wp, wq = p[3], q[3]
+    pz, qz = p[2], q[2]
+    if FEATURE.axes == 3:
+        pz, qz = moved(pz, wp, -scale, dz), moved(qz, wq, scale, dz)
+    store_quad(position, a, moved(p[0], wp, -scale, dx), moved(p[1], wp, -scale, dy), pz, p[3])
+    store_quad(position, b, moved(q[0], wq, scale, dx), moved(q[1], wq, scale, dy), qz, q[3])
+    return multiplier + added

@@ -14,17 +14,26 @@ import numpy as np
 from numba import cuda
 
 from softlab.gpu_backend.contact.motion import make_motion
-from softlab.gpu_backend.core.compile import Kernel, kernel_options, make_kernel, variant_name
+from softlab.gpu_backend.core.compile import Kernel, kernels_of, variant_name
+from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.integers import make_clock
 from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
 from softlab.gpu_backend.core.sheet import BLOCK, make_place
 from softlab.gpu_backend.core.wind import make_block_air
 from softlab.gpu_backend.core.world import Cell, World
-from softlab.gpu_backend.position_based.constraints import compliant, make_constants, make_pair
-from softlab.gpu_backend.position_based.gather import make_gather
-from softlab.gpu_backend.position_based.point import make_accelerations, make_tethers
+from softlab.gpu_backend.position_based.constraints import compliant, family_features, make_constants, pair
+from softlab.gpu_backend.position_based.gather import TWO, arrive, displacement, displacement_of, valence_of, weight_of
+from softlab.gpu_backend.position_based.point import accelerate, accelerations, tether_mass
 from softlab.model.base.types import Real
-from softlab.model.position_based.plan import JACOBI, Family, families
+from softlab.model.base.variant import FEATURE, Open, features_of, filled, routine
+from softlab.model.position_based.plan import Family, families
+
+block_air = Open("block_air(parameters, integers, number, offset) -> the air's velocity [m/s]")
+clock = Open("clock(counter, place, substeps, substep) -> number of the step, of the substep")
+constants_of = Open("constants_of(parameters) -> the constants of each kind of constraints")
+place_of_thread = Open("place_of_thread() -> i, j")
+predict = Open("predict(p, v, ax, ay, az, parameters) -> x, y, z")
+settle = Open("settle(b, p, world, number) -> x, y, z, vx, vy, vz")
 
 
 def compact_shape(family: Family, rows: int, columns: int) -> tuple[int, int]:
@@ -47,153 +56,156 @@ def multiplier_planes(parts: frozenset[str]) -> int:
     return 4 * len({family.kind for family in soft})
 
 
+@routine
+def begin(position, velocity, predicted, record, integers, counter, place, substeps, substep, rows, columns):
+    """Predict the positions that constraints start from, from the state at the start of the substep."""
+    parameters = record[0]
+    i, j = place_of_thread()
+    rows, columns = np.int32(rows), np.int32(columns)
+    step, number = clock(counter, place, substeps, substep)
+    air = block_air(parameters, integers, number, 0.0)
+    if i < rows and j < columns:
+        k = np.int32(i * columns + j)
+        p, v = load_quad(position, k), load_quad(velocity, k)
+        ax, ay, az = accelerate(position, velocity, k, Cell(i, j, rows, columns), p, v, parameters, integers, step, air)
+        x, y, z = predict(p, v, ax, ay, az, parameters)
+        spare = p[3]
+        if FEATURE.jacobi or FEATURE.averaged_jacobi:
+            spare = weight_of(valence_of(Cell(i, j, rows, columns)), spare)
+        store_quad(predicted, k, x, y, z, spare)
+
+
 @cache
 def make_begin(real: Real, math: str, parts: frozenset[str], axes: int) -> Kernel:
-    """Compile begin(position, velocity, predicted, record, integers, counter, place, substeps, substep, rows, columns):
-    it predicts the positions that constraints start from, from the state at the start of the substep."""
-    accelerate = make_accelerations(real, math, parts).accelerate
-    predict, gather = make_motion(real, math, parts, axes).predict, make_gather(real, math, parts, axes)
-    valence_of, weight_of = gather.valence_of, gather.weight_of
-    clock, lattice, block_air = make_clock(math, parts), make_place(math), make_block_air(real, math, parts)
-    has_valences, zero = bool(parts & JACOBI), real(0)
+    """Compile `begin`."""
+    kernel = filled(begin, {
+        **accelerations(real, math, parts), "predict": make_motion(real, math, parts, axes).predict,
+        "clock": make_clock(math, parts), "place_of_thread": make_place(math),
+        "block_air": make_block_air(real, math, parts),
+    })  # fmt: skip
+    variant = device_variant(real, math, features_of(parts))
+    return kernels_of(variant, math, [kernel], f"xpbd_{variant_name(real, math, axes, parts)}").begin
 
-    def begin(
-        position, velocity, predicted, record, integers, counter, place, substeps, substep, rows, columns
-    ):  # fmt: skip
-        parameters = record[0]
-        i, j = lattice()
-        rows, columns = np.int32(rows), np.int32(columns)
-        step, number = clock(counter, place, substeps, substep)
-        air = block_air(parameters, integers, number, zero)
-        if i < rows and j < columns:
-            k = np.int32(i * columns + j)
-            p, v = load_quad(position, k), load_quad(velocity, k)
-            ax, ay, az = accelerate(
-                position, velocity, k, Cell(i, j, rows, columns), p, v, parameters, integers, step, air
-            )
-            x, y, z = predict(p, v, ax, ay, az, parameters)
-            spare = p[3]
-            if has_valences:
-                spare = weight_of(valence_of(Cell(i, j, rows, columns)), spare)
-            store_quad(predicted, k, x, y, z, spare)
 
-    return make_kernel(begin, f"xpbd_{variant_name(real, math, axes, parts)}", **kernel_options(math))
+@routine
+def project(position, before, multipliers, plane, fresh, record, rows, columns):
+    """Project all constraints of a colour.
+
+    `plane`: the number of the family's plane of multipliers, which count as 0 if `fresh`, in a substep's first
+    iteration.
+    """
+    parameters = record[0]
+    i, j = place_of_thread()
+    rows, columns = np.int32(rows), np.int32(columns)
+    down, along, colour = np.int32(FEATURE.rows_down), np.int32(FEATURE.columns_along), np.int32(FEATURE.colour)
+    if FEATURE.rows_down > 0:
+        i = np.int32(TWO * down * (i // down) + i % down + down * colour)
+    else:
+        j = np.int32(TWO * along * (j // along) + j % along + along * colour)
+    if i + down < rows and j + along < columns:
+        k = np.int32(i * columns + j)
+        first, second = k, np.int32(k + down * columns + along)
+        if FEATURE.rising:
+            first, second = np.int32(k + along), np.int32(k + down * columns)
+        multiplier = 0.0
+        at = np.int64(plane) * rows * columns + k
+        if FEATURE.soft and not fresh:
+            multiplier = multipliers[at]
+        multiplier = pair(position, before, first, second, multiplier, constants_of(parameters))
+        if FEATURE.soft:
+            multipliers[at] = multiplier
 
 
 @cache
 def make_colour(
     real: Real, math: str, parts: frozenset[str], family: Family, colour: int | np.int32, axes: int
 ) -> Kernel:
-    """Compile project(position, before, multipliers, plane, fresh, record, rows, columns): all constraints of a colour.
-
-    `plane`: the number of the family's plane of multipliers, which count as 0 if `fresh`, in a substep's first
-    iteration.
-    """
-    pair, constants = make_pair(real, math, parts, family, colour, axes), make_constants(math)
-    lattice, has_multiplier = make_place(math), compliant(parts, family)
-    down, along, rising = np.int32(family.rows), np.int32(abs(family.columns)), family.columns < 0
-    by_rows, two, colour = family.rows > 0, np.int32(2), np.int32(colour)
-    zero = real(0)
-
-    def project(position, before, multipliers, plane, fresh, record, rows, columns):
-        parameters = record[0]
-        i, j = lattice()
-        rows, columns = np.int32(rows), np.int32(columns)
-        if by_rows:
-            i = np.int32(two * down * (i // down) + i % down + down * colour)
-        else:
-            j = np.int32(two * along * (j // along) + j % along + along * colour)
-        if i + down < rows and j + along < columns:
-            k = np.int32(i * columns + j)
-            first, second = k, np.int32(k + down * columns + along)
-            if rising:
-                first, second = np.int32(k + along), np.int32(k + down * columns)
-            multiplier = zero
-            at = np.int64(plane) * rows * columns + k
-            if has_multiplier and not fresh:
-                multiplier = multipliers[at]
-            multiplier = pair(position, before, first, second, multiplier, constants(parameters))
-            if has_multiplier:
-                multipliers[at] = multiplier
-
+    """Compile `project` for a colour of a family."""
+    kernel = filled(project, {"place_of_thread": make_place(math), "constants_of": make_constants(math)})
+    variant = device_variant(real, math, family_features(parts, family, int(colour), axes))
     name = f"{family.name}_{colour}_{variant_name(real, math, axes, parts)}"
-    return make_kernel(project, f"xpbd_{name}".replace("-", "_"), **kernel_options(math))
+    return kernels_of(variant, math, [kernel], f"xpbd_{name}".replace("-", "_")).project
+
+
+@routine
+def project_all(position, before, target, multipliers, fresh, record, rows, columns):
+    """Do one Jacobi iteration."""
+    parameters = record[0]
+    i, j = place_of_thread()
+    rows, columns = np.int32(rows), np.int32(columns)
+    if i < rows and j < columns:
+        k, count = np.int32(i * columns + j), np.int64(rows) * columns
+        if fresh:
+            for slot in range(FEATURE.multipliers):
+                multipliers[slot * count + k] = 0.0
+        p, old = load_quad(position, k), load_quad(before, k)
+        constants = constants_of(parameters)
+        pulling = position, before, np.int32(0), p, old, multipliers, np.int64(k), count, constants
+        total = displacement(k, columns, Cell(i, j, rows, columns), pulling)
+        x, y, z = arrive(p, old[3], total, valence_of(Cell(i, j, rows, columns)))
+        store_quad(target, k, x, y, z, p[3])
 
 
 @cache
 def make_jacobi(real: Real, math: str, parts: frozenset[str], axes: int) -> Kernel:
-    """Compile project_all(position, before, target, multipliers, fresh, record, rows, columns): one Jacobi
-    iteration."""
-    jacobi, constants = make_gather(real, math, parts, axes), make_constants(math)
-    gather, arrive, valence_of = jacobi.gather, jacobi.arrive, jacobi.valence_of
-    lattice, slots = make_place(math), multiplier_planes(parts)
-    zero, nothing = real(0), np.int32(0)
+    """Compile `project_all`."""
+    kernel = filled(project_all, {
+        "displacement": displacement_of(real, math, parts, axes), "place_of_thread": make_place(math),
+        "constants_of": make_constants(math),
+    })  # fmt: skip
+    variant = device_variant(real, math, features_of(parts) | {"axes": axes, "multipliers": multiplier_planes(parts)})
+    return kernels_of(variant, math, [kernel], f"xpbd_{variant_name(real, math, axes, parts)}").project_all
 
-    def project_all(position, before, target, multipliers, fresh, record, rows, columns):
-        parameters = record[0]
-        i, j = lattice()
-        rows, columns = np.int32(rows), np.int32(columns)
-        if i < rows and j < columns:
-            k, count = np.int32(i * columns + j), np.int64(rows) * columns
-            if fresh:
-                for slot in range(slots):
-                    multipliers[slot * count + k] = zero
-            p, old = load_quad(position, k), load_quad(before, k)
-            total = gather(
-                position, before, k, nothing, columns, Cell(i, j, rows, columns), p, old, multipliers, np.int64(k), count,
-                constants(parameters),
-            )  # fmt: skip
-            x, y, z = arrive(p, old[3], total, valence_of(Cell(i, j, rows, columns)))
-            store_quad(target, k, x, y, z, p[3])
 
-    return make_kernel(project_all, f"xpbd_{variant_name(real, math, axes, parts)}", **kernel_options(math))
+@routine
+def attach(position, before, anchors, reaches, count):
+    """Apply the `count` long-range attachments of every mass; its weight is read in `before`."""
+    k = np.int32(cuda.grid(1))
+    if k < position.size // SIZE:
+        p = load_quad(position, k)
+        x, y, z = tether_mass(p, load_quad(before, k)[3], before, anchors, reaches, np.int64(k) * count, count)
+        store_quad(position, k, x, y, z, p[3])
 
 
 @cache
 def make_attach(real: Real, math: str) -> Kernel:
-    """Compile attach(position, before, anchors, reaches, count): the `count` long-range attachments of every mass; its
-    weight is read in `before`."""
-    tether_mass = make_tethers(real, math)
+    """Compile `attach`."""
+    return kernels_of(device_variant(real, math), math, [attach], f"xpbd_{variant_name(real, math)}").attach
 
-    def attach(position, before, anchors, reaches, count):
-        k = np.int32(cuda.grid(1))
-        if k < position.size // SIZE:
-            p = load_quad(position, k)
-            x, y, z = tether_mass(p, load_quad(before, k)[3], before, anchors, reaches, np.int64(k) * count, count)
-            store_quad(position, k, x, y, z, p[3])
 
-    return make_kernel(attach, f"xpbd_{variant_name(real, math)}", **kernel_options(math))
+@routine
+def end(before, position, velocity, record, bodies, integers, counter, place, substeps, substep):
+    """Compute the velocities of a substep, then its colliders."""
+    world = World(record[0], bodies, integers)
+    k = np.int32(cuda.grid(1))
+    if k < position.size // SIZE:
+        _, number = clock(counter, place, substeps, substep)
+        b, p = load_quad(before, k), load_quad(position, k)
+        px, py, pz, vx, vy, vz = settle(b, p, world, number)
+        store_quad(position, k, px, py, pz, b[3])
+        store_quad(velocity, k, vx, vy, vz, 0.0)
 
 
 @cache
 def make_end(real: Real, math: str, parts: frozenset[str], axes: int) -> Kernel:
-    """Compile end(before, position, velocity, record, bodies, integers, counter, place, substeps, substep): velocities
-    of a substep, then its colliders."""
-    settle, clock = make_motion(real, math, parts, axes).settle, make_clock(math, parts)
-    zero = real(0)
+    """Compile `end`."""
+    names = {"settle": make_motion(real, math, parts, axes).settle, "clock": make_clock(math, parts)}
+    label = f"xpbd_{variant_name(real, math, axes, parts)}"
+    return kernels_of(device_variant(real, math), math, [filled(end, names)], label).end
 
-    def end(before, position, velocity, record, bodies, integers, counter, place, substeps, substep):
-        world = World(record[0], bodies, integers)
-        k = np.int32(cuda.grid(1))
-        if k < position.size // SIZE:
-            _, number = clock(counter, place, substeps, substep)
-            b, p = load_quad(before, k), load_quad(position, k)
-            px, py, pz, vx, vy, vz = settle(b, p, world, number)
-            store_quad(position, k, px, py, pz, b[3])
-            store_quad(velocity, k, vx, vy, vz, zero)
 
-    return make_kernel(end, f"xpbd_{variant_name(real, math, axes, parts)}", **kernel_options(math))
+@routine
+def write_position(position, out):
+    """Write both axes of a grid's quads, for drawing."""
+    k = np.int32(cuda.grid(1))
+    if k < position.size // SIZE:
+        p = load_quad(position, k)
+        out[k, 0] = p[0]
+        out[k, 1] = p[1]
 
 
 @cache
 def make_plane_tools(real: Real) -> SimpleNamespace:
-    """Compile `write_position(position, out)`: both axes of a grid's quads, for drawing."""
-
-    def write_position(position, out):
-        k = np.int32(cuda.grid(1))
-        if k < position.size // SIZE:
-            p = load_quad(position, k)
-            out[k, 0] = p[0]
-            out[k, 1] = p[1]
-
-    return SimpleNamespace(write_position=make_kernel(write_position, f"xpbd_{variant_name(real)}"))
+    """Compile `write_position`."""
+    variant = device_variant(real, "exact")
+    return kernels_of(variant, "exact", [write_position], f"xpbd_{variant_name(real)}")

@@ -10,69 +10,82 @@ import numpy as np
 from numba import cuda
 
 from softlab.gpu_backend.contact.motion import make_motion
-from softlab.gpu_backend.core.compile import kernel_options, make_kernels, variant_name
+from softlab.gpu_backend.core.compile import kernels_of, variant_name
+from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
 from softlab.gpu_backend.core.wind import make_block_air
 from softlab.gpu_backend.core.world import Cell, World
-from softlab.gpu_backend.position_based.gather import make_gather
-from softlab.gpu_backend.position_based.point import make_accelerations
+from softlab.gpu_backend.position_based.gather import valence_of, weight_of
+from softlab.gpu_backend.position_based.kernels import block_air
+from softlab.gpu_backend.position_based.point import accelerations, add_wind
 from softlab.model.base.types import Real
-from softlab.model.position_based.plan import JACOBI
+from softlab.model.base.variant import FEATURE, Open, features_of, filled, routine
+
+collide_mass = Open("collide_mass(b, p, vx, vy, vz, world, number) -> x, y, z, vx, vy, vz")
+predict_mass = Open("predict_mass(p, v, ax, ay, az, parameters) -> x, y, z")
+rate_of = Open("rate_of(p, b, parameters) -> vx, vy, vz")
+
+
+@routine
+def wind(position, velocity, record, integers, number, a, rows, columns):
+    parameters = record[0]
+    air = block_air(parameters, integers, number, 0.0)
+    k = np.int32(cuda.grid(1))
+    if k < a.size // SIZE:
+        rows, columns = np.int32(rows), np.int32(columns)
+        i, j = np.int32(k // columns), np.int32(k % columns)
+        p, v, b = load_quad(position, k), load_quad(velocity, k), load_quad(a, k)
+        cell = Cell(i, j, rows, columns)
+        ax, ay, az = add_wind((b[0], b[1], b[2]), position, velocity, k, cell, p, v, parameters, air)
+        store_quad(a, k, ax, ay, az, 0.0)
+
+
+@routine
+def predict(before, velocity, a, position, record, rows, columns):
+    """Predict positions; `a` is set to 0, for the next substep's forces."""
+    parameters = record[0]
+    k = np.int32(cuda.grid(1))
+    if k < a.size // SIZE:
+        rows, columns = np.int32(rows), np.int32(columns)
+        p, b = load_quad(before, k), load_quad(a, k)
+        x, y, z = predict_mass(p, load_quad(velocity, k), b[0], b[1], b[2], parameters)
+        spare = p[3]
+        if FEATURE.jacobi or FEATURE.averaged_jacobi:
+            spare = weight_of(valence_of(Cell(np.int32(k // columns), np.int32(k % columns), rows, columns)), spare)
+        store_quad(position, k, x, y, z, spare)
+        store_quad(a, k, 0.0, 0.0, 0.0, 0.0)
+
+
+@routine
+def update_velocity(before, position, velocity, record):
+    parameters = record[0]
+    k = np.int32(cuda.grid(1))
+    if k < position.size // SIZE:
+        b, p = load_quad(before, k), load_quad(position, k)
+        vx, vy, vz = rate_of(p, b, parameters)
+        store_quad(position, k, p[0], p[1], p[2], b[3])
+        store_quad(velocity, k, vx, vy, vz, 0.0)
+
+
+@routine
+def collide(before, position, velocity, record, bodies, integers, number):
+    world = World(record[0], bodies, integers)
+    k = np.int32(cuda.grid(1))
+    if k < position.size // SIZE:
+        b, p, v = load_quad(before, k), load_quad(position, k), load_quad(velocity, k)
+        px, py, pz, vx, vy, vz = collide_mass(b, p, v[0], v[1], v[2], world, number)
+        store_quad(position, k, px, py, pz, p[3])
+        store_quad(velocity, k, vx, vy, vz, 0.0)
 
 
 @cache
 def make_xpbd_stages(real: Real, math: str, parts: frozenset[str], axes: int) -> SimpleNamespace:
     """Compile the stages of single masses: wind, prediction, velocity, colliders. core/forces.py has other forces."""
-    forces, motion = make_accelerations(real, math, parts), make_motion(real, math, parts, axes)
-    add_wind = forces.add_wind
-    predict_mass, rate_of, collide_mass = motion.predict, motion.rate_of, motion.collide
-    jacobi, block_air = make_gather(real, math, parts, axes), make_block_air(real, math, parts)
-    valence_of, weight_of, has_valences = jacobi.valence_of, jacobi.weight_of, bool(parts & JACOBI)
-    zero = real(0)
-
-    def wind(position, velocity, record, integers, number, a, rows, columns):
-        parameters = record[0]
-        air = block_air(parameters, integers, number, zero)
-        k = np.int32(cuda.grid(1))
-        if k < a.size // SIZE:
-            rows, columns = np.int32(rows), np.int32(columns)
-            i, j = np.int32(k // columns), np.int32(k % columns)
-            p, v, b = load_quad(position, k), load_quad(velocity, k), load_quad(a, k)
-            cell = Cell(i, j, rows, columns)
-            ax, ay, az = add_wind((b[0], b[1], b[2]), position, velocity, k, cell, p, v, parameters, air)
-            store_quad(a, k, ax, ay, az, zero)
-
-    def predict(before, velocity, a, position, record, rows, columns):
-        """Predict positions; `a` is set to 0, for the next substep's forces."""
-        parameters = record[0]
-        k = np.int32(cuda.grid(1))
-        if k < a.size // SIZE:
-            rows, columns = np.int32(rows), np.int32(columns)
-            p, b = load_quad(before, k), load_quad(a, k)
-            x, y, z = predict_mass(p, load_quad(velocity, k), b[0], b[1], b[2], parameters)
-            spare = p[3]
-            if has_valences:
-                spare = weight_of(valence_of(Cell(np.int32(k // columns), np.int32(k % columns), rows, columns)), spare)
-            store_quad(position, k, x, y, z, spare)
-            store_quad(a, k, zero, zero, zero, zero)
-
-    def update_velocity(before, position, velocity, record):
-        parameters = record[0]
-        k = np.int32(cuda.grid(1))
-        if k < position.size // SIZE:
-            b, p = load_quad(before, k), load_quad(position, k)
-            vx, vy, vz = rate_of(p, b, parameters)
-            store_quad(position, k, p[0], p[1], p[2], b[3])
-            store_quad(velocity, k, vx, vy, vz, zero)
-
-    def collide(before, position, velocity, record, bodies, integers, number):
-        world = World(record[0], bodies, integers)
-        k = np.int32(cuda.grid(1))
-        if k < position.size // SIZE:
-            b, p, v = load_quad(before, k), load_quad(position, k), load_quad(velocity, k)
-            px, py, pz, vx, vy, vz = collide_mass(b, p, v[0], v[1], v[2], world, number)
-            store_quad(position, k, px, py, pz, p[3])
-            store_quad(velocity, k, vx, vy, vz, zero)
-
-    variant = f"xpbd_{variant_name(real, math, axes, parts)}"
-    return make_kernels((wind, predict, update_velocity, collide), variant, **kernel_options(math))
+    motion = make_motion(real, math, parts, axes)
+    names = {
+        **accelerations(real, math, parts), "block_air": make_block_air(real, math, parts),
+        "predict_mass": motion.predict, "rate_of": motion.rate_of, "collide_mass": motion.collide,
+    }  # fmt: skip
+    kernels = [filled(kernel, names) for kernel in (wind, predict, update_velocity, collide)]
+    variant = device_variant(real, math, features_of(parts))
+    return kernels_of(variant, math, kernels, f"xpbd_{variant_name(real, math, axes, parts)}")

@@ -9,44 +9,54 @@ import numpy as np
 from numba import cuda
 
 from softlab.gpu_backend.contact.motion import make_motion
-from softlab.gpu_backend.core.compile import kernel_options, make_kernels, variant_name
+from softlab.gpu_backend.core.compile import kernels_of, variant_name
+from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.integers import make_clock
 from softlab.gpu_backend.core.quads import AXES, SIZE, load_quad, store_quad
 from softlab.gpu_backend.core.world import World
+from softlab.gpu_backend.position_based.kernels import clock
 from softlab.model.base.types import Real
+from softlab.model.base.variant import Open, filled, routine
+
+collide = Open("collide(b, p, vx, vy, vz, world, number) -> x, y, z, vx, vy, vz")
+rate_of = Open("rate_of(p, b, parameters) -> vx, vy, vz")
+
+
+@routine
+def touch(before, position, pushes, record, bodies, integers, counter, place, substeps, substep):
+    """Write positions after colliders; `pushes` (quads) [m]: their displacement by colliders so far.
+
+    Colliders act on the position without it, so that they hold a mass by what all constraints did to it since the
+    substep began.
+    """
+    world = World(record[0], bodies, integers)
+    k = np.int32(cuda.grid(1))
+    if k < position.size // SIZE:
+        _, number = clock(counter, place, substeps, substep)
+        b, p = load_quad(before, k), load_quad(position, k)
+        if b[3] != 0.0:
+            q = load_quad(pushes, k)
+            p = p[0] - q[0], p[1] - q[1], p[2] - q[2], p[3]
+            vx, vy, vz = rate_of(p, b, world.parameters)
+            x, y, z, _, _, _ = collide(b, p, vx, vy, vz, world, number)
+            store_quad(position, k, x, y, z, p[3])
+            store_quad(pushes, k, x - p[0], y - p[1], z - p[2], 0.0)
+
+
+@routine
+def release(position, pushes):
+    """Write positions without `pushes`, for velocities and colliders of the substep's end; `pushes` are 0 then."""
+    k = np.int32(cuda.grid(1))
+    if k < position.size // SIZE:
+        p, q = load_quad(position, k), load_quad(pushes, k)
+        store_quad(position, k, p[0] - q[0], p[1] - q[1], p[2] - q[2], p[3])
+        store_quad(pushes, k, 0.0, 0.0, 0.0, 0.0)
 
 
 @cache
 def make_touching(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """Compile `touch` and `release`.
-
-    `touch(before, position, pushes, record, bodies, integers, counter, place, substeps, substep)`: positions after
-    colliders; `pushes` (quads) [m]: their displacement by colliders so far. Colliders act on the position
-    without it, so that they hold a mass by what all constraints did to it since the substep began. `release(position,
-    pushes)`: positions without that, for velocities and colliders of the substep's end; `pushes` are 0 then.
-    """
+    """Compile `touch` and `release`."""
     motion = make_motion(real, math, parts - {"restitution"}, AXES)  # velocities are the end's
-    rate_of, collide, clock, zero = motion.rate_of, motion.collide, make_clock(math, parts), real(0)
-
-    def touch(before, position, pushes, record, bodies, integers, counter, place, substeps, substep):
-        world = World(record[0], bodies, integers)
-        k = np.int32(cuda.grid(1))
-        if k < position.size // SIZE:
-            _, number = clock(counter, place, substeps, substep)
-            b, p = load_quad(before, k), load_quad(position, k)
-            if b[3] != zero:
-                q = load_quad(pushes, k)
-                p = p[0] - q[0], p[1] - q[1], p[2] - q[2], p[3]
-                vx, vy, vz = rate_of(p, b, world.parameters)
-                x, y, z, _, _, _ = collide(b, p, vx, vy, vz, world, number)
-                store_quad(position, k, x, y, z, p[3])
-                store_quad(pushes, k, x - p[0], y - p[1], z - p[2], zero)
-
-    def release(position, pushes):
-        k = np.int32(cuda.grid(1))
-        if k < position.size // SIZE:
-            p, q = load_quad(position, k), load_quad(pushes, k)
-            store_quad(position, k, p[0] - q[0], p[1] - q[1], p[2] - q[2], p[3])
-            store_quad(pushes, k, zero, zero, zero, zero)
-
-    return make_kernels((touch, release), f"touching_{variant_name(real, math, parts)}", **kernel_options(math))
+    names = {"rate_of": motion.rate_of, "collide": motion.collide, "clock": make_clock(math, parts)}
+    label = f"touching_{variant_name(real, math, parts)}"
+    return kernels_of(device_variant(real, math), math, [filled(touch, names), release], label)

@@ -216,7 +216,7 @@ GPU: tuple[Mistake, ...] = (
         {
             "a colour projects the other colour's rows (gpu)": ("i % down + down * colour)", "i % down + down * (np.int32(1) - colour))"),
             "rising diagonals fall (gpu)": ("first, second = np.int32(k + along), np.int32(k + down * columns)", "first, second = np.int32(k), np.int32(k + down * columns)"),
-            "multipliers are kept from the last substep (gpu)": ("if has_multiplier and not fresh:", "if has_multiplier:"),
+            "multipliers are kept from the last substep (gpu)": ("if FEATURE.soft and not fresh:", "if FEATURE.soft:"),
         },
     ),
     *in_file(
