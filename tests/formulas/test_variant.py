@@ -79,6 +79,11 @@ def ended(x):
 
 
 @formula
+def ended_and_halved(x):
+    return halved(ended(x))
+
+
+@formula
 def doubled(x):
     return 2 * x
 
@@ -147,6 +152,16 @@ def test_literals_and_constants_have_the_precision(kind: Any) -> None:
 def test_as_plain_python_it_is_the_function_that_stands_there() -> None:
     assert halved(3.0) == Variant(np.float64)(halved)(3.0) == 0.5 * (THIRD * 3.0)
     assert filled(ended, {"end": third})(3.0) == THIRD * 3.0 + 0.2
+
+
+def test_names_are_filled_in_what_is_called_too() -> None:
+    """Unless that fills them itself."""
+    variant, closed = Variant(np.float64), filled(ended, {"end": third})
+    made = variant(filled(ended_and_halved, {"end": third}))
+    assert made(3.0) == halved(closed(3.0)) and made is variant(filled(ended_and_halved, {"end": third}))
+    assert filled(closed, {"end": halved})(3.0) == closed(3.0)
+    with pytest.raises(TypeError, match=r"compile filled\(ended, \.\.\.\): end\(x\)"):
+        variant(ended_and_halved)
 
 
 @pytest.mark.usefixtures("features")
