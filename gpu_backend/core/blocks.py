@@ -13,6 +13,7 @@ from collections.abc import Callable
 from typing import Any
 
 from softlab.gpu_backend.core.device import simulated
+from softlab.model.base.variant import instruction
 
 PATIENCE = 1 << 22  # checks of a flag, some seconds, before a block gives up
 
@@ -21,10 +22,12 @@ if simulated():
     def make_flags(scope: str) -> tuple[Callable, Callable]:
         """Return (raise_flag, read_flag), see below."""
 
+        @instruction
         def raise_flag(flags: Any, index: Any, value: Any) -> None:
             """Set flags[index] = value, after everything this thread's block wrote before its last barrier."""
             flags[index] = value
 
+        @instruction
         def read_flag(flags: Any, index: Any) -> Any:
             """Return the current flags[index]; what its writer wrote before can be read after the block's next
             barrier."""
@@ -32,6 +35,7 @@ if simulated():
 
         return raise_flag, read_flag
 
+    @instruction
     def load_fresh_pair(array: Any, index: Any) -> Any:
         """Return array[index] of a contiguous complex array that other blocks write to."""
         return array[index]

@@ -22,6 +22,7 @@ import numpy as np
 from softlab.gpu_backend.core.compile import inlined
 from softlab.gpu_backend.core.device import simulated
 from softlab.model.base.types import Real
+from softlab.model.base.variant import instruction
 
 
 def message_size(real: Real) -> int:
@@ -44,11 +45,13 @@ if simulated():
         arrived)."""
         size = message_size(real)
 
+        @instruction
         def send(array: Any, index: Any, x: Any, y: Any, z: Any, tag: Any) -> None:
             k = size * int(index)
             array[k], array[k + 1], array[k + 2] = x, y, z
             array[k + 3] = tag
 
+        @instruction
         def receive(array: Any, index: Any, tag: Any) -> tuple[Any, Any, Any, bool]:
             k = size * int(index)
             here = bool(array[k + 3] == tag)
@@ -58,6 +61,7 @@ if simulated():
 
         return SimpleNamespace(send=send, receive=receive)
 
+    @instruction
     def pause(cycles: Any) -> None:
         """Wait for that many cycles of the multiprocessor."""
 

@@ -10,13 +10,16 @@ from __future__ import annotations
 from typing import Any
 
 from softlab.gpu_backend.core.device import simulated
+from softlab.model.base.variant import instruction
 
 if simulated():
 
+    @instruction
     def load_pair(array: Any, index: Any) -> Any:
         """Return array[index] of a contiguous complex array."""
         return array[index]
 
+    @instruction
     def store_pair(array: Any, index: Any, x: Any, y: Any) -> None:
         """Set array[index] = x + i y."""
         array[index] = complex(x, y)

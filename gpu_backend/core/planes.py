@@ -10,13 +10,16 @@ from __future__ import annotations
 from typing import Any
 
 from softlab.gpu_backend.core.device import simulated
+from softlab.model.base.variant import instruction
 
 if simulated():
 
+    @instruction
     def near(array: Any, place: Any, distance: Any) -> Any:
         """Return array[place + distance] of a contiguous array of scalars."""
         return array[int(place) + int(distance)]
 
+    @instruction
     def put_near(array: Any, place: Any, distance: Any, value: Any) -> None:
         """Set array[place + distance] = value."""
         array[int(place) + int(distance)] = value

@@ -17,6 +17,7 @@ import numpy as np
 
 from softlab.gpu_backend.core.device import simulated
 from softlab.model.base.tuples import tuple_of
+from softlab.model.base.variant import instruction
 
 AXES = 3
 ROWS = 3  # quads of a frame
@@ -25,11 +26,13 @@ SIZE = 4  # scalars
 
 if simulated():
 
+    @instruction
     def load_quad(array: Any, index: Any) -> Any:
         """Return (x, y, z, spare) of mass `index` in a flat array of scalars."""
         k = SIZE * int(index)
         return array[k], array[k + 1], array[k + 2], array[k + 3]
 
+    @instruction
     def store_quad(array: Any, index: Any, x: Any, y: Any, z: Any, spare: Any) -> None:
         """Set mass `index` = (x, y, z, spare)."""
         k = SIZE * int(index)

@@ -8,11 +8,13 @@ import time
 
 from softlab.gpu_backend.core.blocks import make_flags
 from softlab.gpu_backend.core.device import simulated
+from softlab.model.base.variant import instruction
 
 raise_system_flag, read_system_flag = make_flags("sys")
 
 if simulated():
 
+    @instruction
     def nanoseconds() -> int:
         """Return a clock of the device."""
         return time.perf_counter_ns()

@@ -129,6 +129,12 @@ def inlined_routine(function: F) -> F:
     return _marked(function, rounds_products=False, how="inlined")
 
 
+def instruction(function: F) -> F:
+    """Mark the plain equivalent of an instruction, for where nothing is compiled: routines call it as it is."""
+    function.is_instruction = True  # type: ignore[attr-defined]
+    return function
+
+
 def _marked(function: F, rounds_products: bool, how: str = "") -> F:
     if function.__name__ != function.__qualname__ or function.__name__ == "<lambda>":
         raise TypeError(
@@ -274,7 +280,7 @@ class Variant:
             return self.real(value.make(self.real) if isinstance(value, OfPrecision) else value)
         if isinstance(value, Open):
             raise TypeError(f"{place(caller)}: compile filled({caller.__name__}, ...): {value.signature} is open")
-        if type(value) is FunctionType:
+        if type(value) is FunctionType and not hasattr(value, "is_instruction"):
             raise TypeError(
                 f"{place(caller)}: the formula {caller.__name__} calls {value.__name__}, which is no formula: write "
                 f"@formula, or @integer_formula, above it ({place(value)})"

@@ -26,6 +26,7 @@ from softlab.model.base.variant import (
     filled,
     formula,
     inlined_routine,
+    instruction,
     integer_formula,
     is_formula,
     parsed,
@@ -332,3 +333,21 @@ def test_parts_of_a_scene_are_features_under_their_names() -> None:
     assert features_of(frozenset({"friction", "per-constraint", "of-no-formula"})) == {
         "friction": True, "per_constraint": True,
     }  # fmt: skip
+
+
+@instruction
+def stored(values, k):
+    values[k] = 7.0
+
+
+@routine
+def stores(values):
+    stored(values, 1)
+
+
+def test_the_plain_equivalent_of_an_instruction_is_called_as_it_is() -> None:
+    """Under CUDA's simulator routines call what has no machine code there."""
+    values = np.zeros(2)
+    compiled: list[str] = []
+    Variant(np.float64, lambda function: compiled.append(function.__name__) or function).copied(stores)(values)
+    assert values[1] == 7 and not compiled
