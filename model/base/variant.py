@@ -71,6 +71,7 @@ FEATURES = {  # what a variant may have and a formula may ask for
     SINGLE: "float32",
     "soft": "constraints have a compliance",
     "springs": "attachments are springs",
+    "timed": "something depends on the number of the step",
     "two_stages": "a substep has two solves",
 }
 
