@@ -6,28 +6,32 @@ on their number nor on their order. model/formulas/elastic/descent.py has the fo
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from softlab.cpu_backend.contact.colliders import make_collide_mass
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.core.scratch import cloth_variant
 from softlab.cpu_backend.position_based.mesh_kernels import make_substep
-from softlab.cpu_backend.tetrahedra.descent_acceleration import make_accelerate
-from softlab.cpu_backend.tetrahedra.descent_contact import make_meeting
-from softlab.cpu_backend.tetrahedra.springs import make_springs
-from softlab.model.base.tuples import tuple_of
+from softlab.cpu_backend.tetrahedra.descent_acceleration import accelerate_some
+from softlab.cpu_backend.tetrahedra.descent_contact import add_contact
+from softlab.cpu_backend.tetrahedra.springs import pulled, row
 from softlab.model.base.types import Real
+from softlab.model.base.variant import FEATURE, Open, Variant, filled, routine
 from softlab.model.formulas.elastic import descent
-from softlab.model.tetrahedra.descent import CHEBYSHEV, CORNERS, RATE, SCALE, Descent, visited
-from softlab.model.tetrahedra.springs import PARTS, SpringArrays, Springs
+from softlab.model.formulas.elastic.descent import added, coasted, initial_strain, moved
+from softlab.model.tetrahedra.descent import RATE, SCALE, Descent, visited
+from softlab.model.tetrahedra.springs import SpringArrays, Springs, kernel_features
 
 ALONE = 8  # vertices of a colour that one thread processes faster than threads can synchronise: a few microseconds
-NOTHING: frozenset[str] = frozenset()
+NO_STRAINS, NO_SUMS = (0.0,) * descent.STRAINS, (0.0,) * descent.SUMS
+
+element = Open("element(points, values, before, corner, rate), of model/formulas/elastic/descent.py, inlined")
 
 
 class DescentArrays(NamedTuple):
@@ -55,202 +59,206 @@ def descent_arrays(vertex_descent: Descent, real: Real, damped: bool, spring_set
     )  # fmt: skip
 
 
-@cache
-def make_visits(real: Real, math: str, material: int, damped: bool, parts: frozenset[str] = NOTHING) -> SimpleNamespace:
-    """Make loops over a material, from the first of a range to before its last.
-
-    `remember(first, last, before, arrays)`: strains of tetrahedra at the start of a substep. Over the ordered vertices:
-    `start(first, last, before, velocity, inertial, position, arrays, parameters)` and `descend(first, last, position,
-    inertial, arrays, parameters, arguments)`. `arguments`: substep, before, stiffness that holds particles, bodies, kinds.
-    """
-    compiler = Compiler(f"{descent.__name__.rpartition('.')[2]}_{np.dtype(real).name}_{math}", math)
-    compiled = compiler.compiled
-    formulas = compiler.formulas(descent, real, {"material": material, "damped": damped})
-    element = compiler.inlined(formulas.element.py_func)
-    initial_strain, added, moved, coasted = formulas.initial_strain, formulas.added, formulas.moved, formulas.coasted
-    pulled, zero, sprung = make_springs(compiler, real).pulled, real(0), bool(parts & PARTS)
-    meeting = make_meeting(compiler, real, parts)
-    has_bodies, add_contact = meeting.has_bodies, meeting.add_contact
-
-    @compiled
-    def row(array, k):
-        return array[k, 0], array[k, 1], array[k, 2]
-
-    def point_at(n: int) -> Callable:
-        return compiled(lambda position, corners, unused, t: row(position, corners[t, n]))
-
-    def value_at(n: int) -> Callable:
-        return compiled(lambda values, unused, unused_too, t: values[t, n])
-
-    points_of = tuple_of(CORNERS, point_at, compiled)
-    values_of = tuple_of(descent.COUNT, value_at, compiled)
-    strains_of = tuple_of(descent.STRAINS, value_at, compiled)
-    nothing = (zero,) * descent.STRAINS
-    no_sums = (zero,) * descent.SUMS
-
-    @compiled
-    def remember(first, last, before, arrays):
-        corners, values, strains = arrays.corners, arrays.values, arrays.strains
-        for t in range(first, last):
-            strain = initial_strain(points_of(before, corners, t, t), values_of(values, t, t, t))
-            for n in range(strains.shape[1]):
-                strains[t, n] = strain[n]
-
-    @compiled
-    def start(first, last, before, velocity, inertial, position, arrays, parameters):
-        order, falls = arrays.order, arrays.falls
-        for k in range(first, last):
-            vertex = order[k]
-            x, y, z = row(inertial, vertex)
-            if falls[k] == 0:
-                x, y, z = coasted(row(before, vertex), row(velocity, vertex), parameters.dt)
-            position[vertex, 0] = x
-            position[vertex, 1] = y
-            position[vertex, 2] = z
-
-    @compiled
-    def descend(first, last, position, inertial, arrays, parameters, arguments):
-        order, offsets, entries, corners = arrays.order, arrays.offsets, arrays.entries, arrays.corners
-        values, strains = arrays.values, arrays.strains
-        rate = parameters[RATE]
-        for k in range(first, last):
-            vertex = order[k]
-            sums = no_sums
-            for n in range(offsets[k], offsets[k + 1]):
-                t = entries[n] >> 2
-                old = strains_of(strains, t, t, t) if damped else nothing
-                sums = added(
-                    sums,
-                    element(points_of(position, corners, t, t), values_of(values, t, t, t), old, entries[n] & 3, rate),
-                )
-            if sprung:
-                x, y, z, hard, _ = pulled(vertex, position, arrays.springs)
-                sums = added(sums, (x, y, z, hard, hard, hard, zero, zero, zero))
-            if has_bodies:
-                number, before, holds, bodies, kinds = arguments
-                sums = add_contact(vertex, sums, position, (number, before, holds, parameters, bodies, kinds))
-            x, y, z = moved(
-                row(position, vertex), row(inertial, vertex), position[vertex, 3], parameters[SCALE], sums
-            )  # fmt: skip
-            position[vertex, 0] = x
-            position[vertex, 1] = y
-            position[vertex, 2] = z
-
-    return SimpleNamespace(remember=remember, start=start, descend=descend)
+@routine
+def points_of(points, corners, t):
+    """Return the corners of tetrahedron t."""
+    return (
+        row(points, corners[t, 0]), row(points, corners[t, 1]), row(points, corners[t, 2]), row(points, corners[t, 3]),
+    )  # fmt: skip
 
 
-def make_material(compiler: Compiler, visits: Sequence[SimpleNamespace], damped: bool) -> SimpleNamespace:
-    """Make loops over all materials in turn, each with its `visits`.
-
-    `prepare(team, member, bands, before, velocity, inertial, position, descents, parameters)` and `sweep(team, member,
-    bands, position, inertial, descents, parameters, given)`; `descents`: DescentArrays of each.
-    """
-    sweeps = SimpleNamespace(prepare=None, sweep=None)
-    for number in range(len(visits) - 1, -1, -1):
-        sweeps = _of_material(compiler, number, visits[number], sweeps, damped)
-    return sweeps
+@routine
+def values_of(values, t):
+    return (
+        values[t, 0], values[t, 1], values[t, 2], values[t, 3], values[t, 4], values[t, 5], values[t, 6], values[t, 7],
+        values[t, 8], values[t, 9], values[t, 10], values[t, 11], values[t, 12],
+    )  # fmt: skip
 
 
-def _of_material(
-    compiler: Compiler, number: int, visits: SimpleNamespace, others: SimpleNamespace, damped: bool
-) -> SimpleNamespace:
-    """Make both loops for material `number`, followed by the `others`."""
-    remember, start, descend = visits.remember, visits.start, visits.descend
-    prepare_others, sweep_others, has_others = others.prepare, others.sweep, others.sweep is not None
+@routine
+def strains_of(strains, t):
+    return strains[t, 0], strains[t, 1], strains[t, 2], strains[t, 3], strains[t, 4], strains[t, 5]
 
-    @compiler.compiled
-    def prepare(team, member, bands, before, velocity, inertial, position, descents, parameters):
-        arrays = descents[number]
-        if damped:
-            count = np.int64(arrays.corners.shape[0])
-            for part in assigned(team, member, bands):
-                remember(count * part // bands, count * (part + 1) // bands, before, arrays)
-        free = np.int64(arrays.starts[arrays.starts.size - 1])
+
+@routine
+def remember_some(first, last, before, arrays):
+    """Write the strains of tetrahedra at the start of a substep, from the first of a range to before its last."""
+    corners, values, strains = arrays.corners, arrays.values, arrays.strains
+    for t in range(first, last):
+        strain = initial_strain(points_of(before, corners, t), values_of(values, t))
+        for n in range(strains.shape[1]):
+            strains[t, n] = strain[n]
+
+
+@routine
+def start_some(first, last, before, velocity, inertial, position, arrays, parameters):
+    """Write the start of the iterations of ordered vertices."""
+    order, falls = arrays.order, arrays.falls
+    for k in range(first, last):
+        vertex = order[k]
+        x, y, z = row(inertial, vertex)
+        if falls[k] == 0:
+            x, y, z = coasted(row(before, vertex), row(velocity, vertex), parameters.dt)
+        position[vertex, 0] = x
+        position[vertex, 1] = y
+        position[vertex, 2] = z
+
+
+@routine
+def descend_some(first, last, position, inertial, arrays, parameters, arguments):
+    """Visit ordered vertices. `arguments`: substep, positions at its start, stiffness that holds particles, bodies, kinds."""
+    order, offsets, entries, corners = arrays.order, arrays.offsets, arrays.entries, arrays.corners
+    values, strains = arrays.values, arrays.strains
+    rate = parameters[RATE]
+    for k in range(first, last):
+        vertex = order[k]
+        sums = NO_SUMS
+        for n in range(offsets[k], offsets[k + 1]):
+            t = entries[n] >> 2
+            old = strains_of(strains, t) if FEATURE.damped else NO_STRAINS
+            points, numbers = points_of(position, corners, t), values_of(values, t)
+            sums = added(sums, element(points, numbers, old, entries[n] & 3, rate))
+        if FEATURE.springs:
+            x, y, z, hard, _ = pulled(vertex, position, arrays.springs)
+            sums = added(sums, (x, y, z, hard, hard, hard, 0.0, 0.0, 0.0))
+        if FEATURE.colliders:
+            number, before, holds, bodies, kinds = arguments
+            sums = add_contact(vertex, sums, position, (number, before, holds, parameters, bodies, kinds))
+        x, y, z = moved(row(position, vertex), row(inertial, vertex), position[vertex, 3], parameters[SCALE], sums)
+        position[vertex, 0] = x
+        position[vertex, 1] = y
+        position[vertex, 2] = z
+
+
+remember_material = Open("remember_some of the material, in its variant")
+start_material = Open("start_some of the material, in its variant")
+descend_material = Open("descend_some of the material, in its variant")
+number = Open("place of the material's arrays among `descents`")
+prepare_others = Open("prepare_material of the materials after it")
+sweep_others = Open("sweep_material of the materials after it")
+
+
+@routine
+def no_others(*arguments):
+    """Do nothing: the last material is done."""
+    return
+
+
+@routine
+def prepare_material(team, member, bands, before, velocity, inertial, position, descents, parameters):
+    """Begin a substep: a team writes strains and starts of a material, then of the others."""
+    arrays = descents[number]
+    if FEATURE.damped:
+        count = np.int64(arrays.corners.shape[0])
         for part in assigned(team, member, bands):
-            first, last = free * part // bands, free * (part + 1) // bands
-            start(first, last, before, velocity, inertial, position, arrays, parameters)
-        if has_others:
-            prepare_others(team, member, bands, before, velocity, inertial, position, descents, parameters)
+            remember_material(count * part // bands, count * (part + 1) // bands, before, arrays)
+    free = np.int64(arrays.starts[arrays.starts.size - 1])
+    for part in assigned(team, member, bands):
+        first, last = free * part // bands, free * (part + 1) // bands
+        start_material(first, last, before, velocity, inertial, position, arrays, parameters)
+    prepare_others(team, member, bands, before, velocity, inertial, position, descents, parameters)
 
-    @compiler.compiled
-    def sweep(team, member, bands, position, inertial, descents, parameters, arguments):
-        arrays = descents[number]
-        starts = arrays.starts
-        for colour in range(starts.size - 1):
-            begin, many = np.int64(starts[colour]), starts[colour + 1] - starts[colour]
-            parts = bands if many >= ALONE else 1
-            for part in assigned(team, member, parts):
-                first, last = begin + many * part // parts, begin + many * (part + 1) // parts
-                descend(first, last, position, inertial, arrays, parameters, arguments)
-        if has_others:
-            sweep_others(team, member, bands, position, inertial, descents, parameters, arguments)
 
-    return SimpleNamespace(prepare=prepare, sweep=sweep)
+@routine
+def sweep_material(team, member, bands, position, inertial, descents, parameters, arguments):
+    """Visit the vertices of a material colour by colour, then those of the others."""
+    arrays = descents[number]
+    starts = arrays.starts
+    for colour in range(starts.size - 1):
+        begin, many = np.int64(starts[colour]), starts[colour + 1] - starts[colour]
+        parts = bands if many >= ALONE else 1
+        for part in assigned(team, member, parts):
+            first, last = begin + many * part // parts, begin + many * (part + 1) // parts
+            descend_material(first, last, position, inertial, arrays, parameters, arguments)
+    sweep_others(team, member, bands, position, inertial, descents, parameters, arguments)
+
+
+@routine
+def remember(band, bands, first, last, before, arrays):
+    many = last - first
+    remember_some(first + many * band // bands, first + many * (band + 1) // bands, before, arrays)
+
+
+@routine
+def start(band, bands, first, last, before, velocity, inertial, position, arrays, parameters):
+    many = last - first
+    start_some(
+        first + many * band // bands, first + many * (band + 1) // bands, before, velocity, inertial, position, arrays,
+        parameters,
+    )  # fmt: skip
+
+
+@routine
+def descend(band, bands, first, last, position, inertial, arrays, parameters, arguments):
+    many = last - first
+    descend_some(
+        first + many * band // bands, first + many * (band + 1) // bands, position, inertial, arrays, parameters,
+        arguments,
+    )  # fmt: skip
+
+
+opening = Open("opening(team, member, bands, frame, number, position, velocity, before, predicted, world)")
+closing = Open("closing(team, member, bands, number, position, velocity, before, world)")
+prepare = Open("prepare_material of the first material")
+sweep = Open("sweep_material of the first material")
+
+
+@routine
+def advance(team, member, bands, steps, state, descents, holds, world, chebyshev):
+    """Do many steps. `steps`: a Steps; `state`: (position, velocity, before, inertial); `descents`: DescentArrays of the
+    materials; `world`: a World of position_based/mesh_kernels.py; `chebyshev`: (positions after the last two sweeps,
+    weights (iterations,)) of the acceleration."""
+    position, velocity, before, inertial = state
+    parameters, (iterates, weights) = world.parameters, chebyshev
+    count = len(position)
+    number_of_steps, step, substeps, iterations = steps
+    for pass_number in range(number_of_steps * substeps):
+        number = step * substeps + pass_number
+        frame = step + pass_number // substeps
+        opening(team, member, bands, frame, number, position, velocity, before, inertial, world)
+        prepare(team, member, bands, before, velocity, inertial, position, descents, parameters)
+        arguments = number, before, holds, world.bodies, world.kinds
+        for iteration in range(iterations):
+            sweep(team, member, bands, position, inertial, descents, parameters, arguments)
+            if FEATURE.chebyshev:
+                for band in assigned(team, member, bands):
+                    first, last = count * band // bands, count * (band + 1) // bands
+                    accelerate_some(first, last, position, iterates, weights[iteration])
+        closing(team, member, bands, number, position, velocity, before, world)
+
+
+def _visits(
+    compiler: Compiler, real: Real, material: int, damped: bool, parts: frozenset[str]
+) -> tuple[Variant, dict[str, Any]]:
+    """Return the variant of a material's visits, and what fills the open names in them."""
+    variant = compiler.variant_of(real, kernel_features(parts) | {"material": material, "damped": damped})
+    inlined = compiler.inlined(variant.copied(descent.element))
+    return variant, {"element": inlined, "touch": make_collide_mass(compiler, real, parts)}
 
 
 @cache
 def make_descent_stages(real: Real, math: str, material: int, damped: bool, parts: frozenset[str]) -> SimpleNamespace:
-    """Compile the loops of `make_visits`, each as a parallel loop over a range: (bands, first, last, ...)."""
+    """Compile `remember`, `start` and `descend`, each as a parallel loop over a range: (bands, first, last, ...)."""
     compiler = Compiler(f"descent_stages_{np.dtype(real).name}_{math}", math)
-    visits = make_visits(real, math, material, damped, parts)
-    remember_some, start_some, descend_some = visits.remember, visits.start, visits.descend
-
-    def remember(band, bands, first, last, before, arrays):
-        many = last - first
-        remember_some(first + many * band // bands, first + many * (band + 1) // bands, before, arrays)
-
-    def start(band, bands, first, last, before, velocity, inertial, position, arrays, parameters):
-        many = last - first
-        start_some(
-            first + many * band // bands, first + many * (band + 1) // bands, before, velocity, inertial, position, arrays,
-            parameters,
-        )  # fmt: skip
-
-    def descend(band, bands, first, last, position, inertial, arrays, parameters, arguments):
-        many = last - first
-        descend_some(
-            first + many * band // bands, first + many * (band + 1) // bands, position, inertial, arrays, parameters,
-            arguments
-        )  # fmt: skip
-
-    return SimpleNamespace(**{one.__name__: compiler.banded(one) for one in (remember, start, descend)})
+    variant, names = _visits(compiler, real, material, damped, parts)
+    loops = remember, start, filled(descend, names)
+    return SimpleNamespace(**{one.__name__: compiler.banded(variant.copied(one)) for one in loops})
 
 
 @cache
 def make_descent_advance(
     real: Real, math: str, parts: frozenset[str], numbers: tuple[int, ...], damped: bool
 ) -> Callable:
-    """Compile advance(bands, steps, state, descents, holds, world, chebyshev): many steps in one call.
-
-    `steps`: a Steps; `state`: (position, velocity, before, inertial); `numbers`: the materials of the `descents`; `world`: a
-    World of position_based/mesh_kernels.py; `chebyshev`: (displacements, weights (iterations,)) of the acceleration.
-    """
+    """Compile `advance` as advance(bands, steps, ...); `numbers`: the materials of its `descents`."""
     compiler = Compiler(cloth_variant("descent", real, math, parts), math)
-    whole = make_substep(compiler, real, parts)
-    opening, closing = whole.opening, whole.closing
-    all_materials = make_material(
-        compiler, [make_visits(real, math, one, damped, visited(parts)) for one in numbers], damped
-    )
-    prepare, sweep = all_materials.prepare, all_materials.sweep
-    accelerate, accelerated = make_accelerate(compiler, real), CHEBYSHEV in parts
-
-    def advance(team, member, bands, steps, state, descents, holds, world, chebyshev):
-        position, velocity, before, inertial = state
-        parameters, (iterates, weights) = world.parameters, chebyshev
-        count = len(position)
-        number_of_steps, step, substeps, iterations = steps
-        for pass_number in range(number_of_steps * substeps):
-            number = step * substeps + pass_number
-            frame = step + pass_number // substeps
-            opening(team, member, bands, frame, number, position, velocity, before, inertial, world)
-            prepare(team, member, bands, before, velocity, inertial, position, descents, parameters)
-            arguments = number, before, holds, world.bodies, world.kinds
-            for iteration in range(iterations):
-                sweep(team, member, bands, position, inertial, descents, parameters, arguments)
-                if accelerated:
-                    for band in assigned(team, member, bands):
-                        first, last = count * band // bands, count * (band + 1) // bands
-                        accelerate(first, last, position, iterates, weights[iteration])
-            closing(team, member, bands, number, position, velocity, before, world)
-
-    return compiler.team(advance)
+    prepared, swept = no_others, no_others
+    for place in reversed(range(len(numbers))):
+        variant, names = _visits(compiler, real, numbers[place], damped, visited(parts))
+        first = {"remember_material": variant(remember_some), "start_material": variant(start_some)}
+        prepared = filled(prepare_material, {"number": place, "prepare_others": prepared, **first})
+        visit = variant(filled(descend_some, names))
+        swept = filled(sweep_material, {"number": place, "sweep_others": swept, "descend_material": visit})
+    ends = make_substep(compiler, real, parts)
+    whole = {"opening": ends.opening, "closing": ends.closing, "prepare": prepared, "sweep": swept}
+    variant = compiler.variant_of(real, kernel_features(parts) | {"damped": damped})
+    return compiler.team(variant.copied(filled(advance, whole)))

@@ -6,148 +6,138 @@ newton_arrays.py describes `rows`, `groups` and `coarse`.
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
 
-from softlab.cpu_backend.core.compile import Compiler
-from softlab.model.base.types import Real
-from softlab.model.formulas.elastic import coarse as formulas_of
+from softlab.model.base.variant import routine
+from softlab.model.formulas.elastic.coarse import arm, columns, moment, motion, pivot, scale_of
 from softlab.model.tetrahedra.aggregates import MODES
 
 
-def make_coarse(compiler: Compiler, real: Real) -> SimpleNamespace:
-    """Make `centre(first, last, position, groups, coarse)`, `gather(first, last, position, rows, blocks, groups,
-    coarse)` and `restrict(first, last, position, residual, groups, coarse)`, for groups; `corrected(k, position,
-    groups, coarse)`: three numbers to add at particle k."""
-    compiled, formulas = compiler.compiled, compiler.formulas(formulas_of, real)
-    scale_of, arm, moment, motion = formulas.scale_of, formulas.arm, formulas.moment, formulas.motion
-    columns = formulas.columns
-    zero, one = real(0), real(1)
+@routine
+def arm_of(k, group, position, centres):
+    """Return the vector to particle k from the group's centre, scaled."""
+    return arm(
+        position[k, 0], position[k, 1], position[k, 2], centres[group, 0], centres[group, 1], centres[group, 2],
+        centres[group, 3],
+    )  # fmt: skip
 
-    @compiled
-    def arm_of(k, group, position, centres):
-        return arm(
-            position[k, 0], position[k, 1], position[k, 2], centres[group, 0], centres[group, 1], centres[group, 2],
-            centres[group, 3],
-        )  # fmt: skip
 
-    @compiled
-    def centre(first, last, position, groups, coarse):
-        starts, members, centres = groups.starts, groups.members, coarse.centres
-        for group in range(first, last):
-            x, y, z, squares, count = zero, zero, zero, zero, zero
-            for n in range(starts[group], starts[group + 1]):
-                k = members[n]
-                x, y, z, count = x + position[k, 0], y + position[k, 1], z + position[k, 2], count + one
-            x, y, z = x / count, y / count, z / count
-            for n in range(starts[group], starts[group + 1]):
-                k = members[n]
-                p, q, r = arm(position[k, 0], position[k, 1], position[k, 2], x, y, z, one)
-                squares = squares + ((p * p + q * q) + r * r)
-            centres[group, 0], centres[group, 1], centres[group, 2] = x, y, z
-            centres[group, 3] = scale_of(squares, count)
+@routine
+def centre(first, last, position, groups, coarse):
+    """Write centres and scales of groups."""
+    starts, members, centres = groups.starts, groups.members, coarse.centres
+    for group in range(first, last):
+        x, y, z, squares, count = 0.0, 0.0, 0.0, 0.0, 0.0
+        for n in range(starts[group], starts[group + 1]):
+            k = members[n]
+            x, y, z, count = x + position[k, 0], y + position[k, 1], z + position[k, 2], count + 1.0
+        x, y, z = x / count, y / count, z / count
+        for n in range(starts[group], starts[group + 1]):
+            k = members[n]
+            p, q, r = arm(position[k, 0], position[k, 1], position[k, 2], x, y, z, 1.0)
+            squares = squares + ((p * p + q * q) + r * r)
+        centres[group, 0], centres[group, 1], centres[group, 2] = x, y, z
+        centres[group, 3] = scale_of(squares, count)
 
-    @compiled
-    def gather(first, last, position, rows, blocks, groups, coarse):
-        row_starts, row_columns = rows.starts, rows.columns
-        starts, last_column = groups.starts, groups.reach
-        centres, band = coarse.centres, coarse.band
-        for group in range(first, last):
-            for i in range(MODES * group, MODES * (group + 1)):
-                for j in range(band.shape[1]):
-                    band[i, j] = zero
-            for n in range(starts[group], starts[group + 1]):
-                k = groups.members[n]
-                d = arm_of(k, group, position, centres)
-                for b in range(row_starts[k], row_starts[k + 1]):
-                    other = groups.group[row_columns[b]]
-                    if other < group or MODES * other > last_column[MODES * group]:  # a group of another body
-                        continue
-                    e = arm_of(row_columns[b], other, position, centres)
-                    m = (
-                        blocks[b, 0], blocks[b, 1], blocks[b, 2], blocks[b, 3], blocks[b, 4], blocks[b, 5], blocks[b, 6],
-                        blocks[b, 7], blocks[b, 8],
-                    )  # fmt: skip
-                    block = columns(d, e, m)
-                    for j in range(MODES):
-                        for i in range(MODES):
-                            place = MODES * (other - group) + j - i
-                            if place >= 0:
-                                band[MODES * group + i, place] = band[MODES * group + i, place] + block[j][i]
 
-    @compiled
-    def restrict(first, last, position, residual, groups, coarse):
-        starts, members = groups.starts, groups.members
-        for group in range(first, last):
-            a, b, c, d, e, f = zero, zero, zero, zero, zero, zero
-            for n in range(starts[group], starts[group + 1]):
-                k = members[n]
-                p, q, r, s, t, u = moment(
-                    arm_of(k, group, position, coarse.centres), residual[k, 0], residual[k, 1], residual[k, 2]
+@routine
+def gather(first, last, position, rows, blocks, groups, coarse):
+    """Sum the rows of groups into the coarse matrix."""
+    row_starts, row_columns = rows.starts, rows.columns
+    starts, last_column = groups.starts, groups.reach
+    centres, band = coarse.centres, coarse.band
+    for group in range(first, last):
+        for i in range(MODES * group, MODES * (group + 1)):
+            for j in range(band.shape[1]):
+                band[i, j] = 0.0
+        for n in range(starts[group], starts[group + 1]):
+            k = groups.members[n]
+            d = arm_of(k, group, position, centres)
+            for b in range(row_starts[k], row_starts[k + 1]):
+                other = groups.group[row_columns[b]]
+                if other < group or MODES * other > last_column[MODES * group]:  # a group of another body
+                    continue
+                e = arm_of(row_columns[b], other, position, centres)
+                m = (
+                    blocks[b, 0], blocks[b, 1], blocks[b, 2], blocks[b, 3], blocks[b, 4], blocks[b, 5], blocks[b, 6],
+                    blocks[b, 7], blocks[b, 8],
                 )  # fmt: skip
-                a, b, c, d, e, f = a + p, b + q, c + r, d + s, e + t, f + u
-            into, place = coarse.solution, MODES * group
-            into[0, place], into[0, place + 1], into[0, place + 2] = a, b, c
-            into[0, place + 3], into[0, place + 4], into[0, place + 5] = d, e, f
-
-    @compiled
-    def corrected(k, position, groups, coarse):
-        group, solution = groups.group[k], coarse.solution
-        place = MODES * group
-        y = (
-            solution[0, place], solution[0, place + 1], solution[0, place + 2], solution[0, place + 3],
-            solution[0, place + 4], solution[0, place + 5],
-        )  # fmt: skip
-        return motion(arm_of(k, group, position, coarse.centres), y)
-
-    return SimpleNamespace(centre=centre, gather=gather, restrict=restrict, corrected=corrected)
+                block = columns(d, e, m)
+                for j in range(MODES):
+                    for i in range(MODES):
+                        place = MODES * (other - group) + j - i
+                        if place >= 0:
+                            band[MODES * group + i, place] = band[MODES * group + i, place] + block[j][i]
 
 
-def make_band(compiler: Compiler, real: Real) -> SimpleNamespace:
-    """Make `factor(coarse, groups)`, which returns true if the coarse matrix is not positive, and `solve(coarse,
-    groups)`, both for one thread."""
-    compiled, pivot = compiler.compiled, compiler.formulas(formulas_of, real).pivot
+@routine
+def restrict(first, last, position, residual, groups, coarse):
+    """Write the residual of groups, seen by rigid motions."""
+    starts, members = groups.starts, groups.members
+    for group in range(first, last):
+        a, b, c, d, e, f = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        for n in range(starts[group], starts[group + 1]):
+            k = members[n]
+            p, q, r, s, t, u = moment(
+                arm_of(k, group, position, coarse.centres), residual[k, 0], residual[k, 1], residual[k, 2]
+            )  # fmt: skip
+            a, b, c, d, e, f = a + p, b + q, c + r, d + s, e + t, f + u
+        into, place = coarse.solution, MODES * group
+        into[0, place], into[0, place + 1], into[0, place + 2] = a, b, c
+        into[0, place + 3], into[0, place + 4], into[0, place + 5] = d, e, f
 
-    @compiled
-    def subtract(band, i, k, many, factor):
-        """Subtract `factor` times row k, from column i on, from row i, `many` entries."""
-        for j in range(many):
-            band[i, j] = band[i, j] - factor * band[k, i - k + j]
 
-    @compiled
-    def factor(coarse, groups):
-        band, last_columns, size = coarse.band, groups.reach, coarse.band.shape[0]
-        entries = coarse.diagonal
-        for k in range(size):
-            entries[0, k] = band[k, 0]
-        bad = False
-        for k in range(size):
-            inverse, negative = pivot(band[k, 0], entries[0, k])
-            bad = bad or negative
-            last = np.int64(last_columns[k])
-            band[k, 0] = inverse  # inverse of U's diagonal
-            for j in range(1, last - k + 1):
-                band[k, j] = inverse * band[k, j]
-            for i in range(k + 1, last + 1):
-                subtract(band, i, k, last - i + 1, band[k, i - k])
-        return bad
+@routine
+def corrected(k, position, groups, coarse):
+    """Return three numbers to add at particle k."""
+    group, solution = groups.group[k], coarse.solution
+    place = MODES * group
+    y = (
+        solution[0, place], solution[0, place + 1], solution[0, place + 2], solution[0, place + 3],
+        solution[0, place + 4], solution[0, place + 5],
+    )  # fmt: skip
+    return motion(arm_of(k, group, position, coarse.centres), y)
 
-    @compiled
-    def solve(coarse, groups):
-        band, solution, last_columns, size = coarse.band, coarse.solution, groups.reach, coarse.band.shape[0]
-        for k in range(size):
-            y = band[k, 0] * solution[0, k]
-            solution[0, k] = y
-            for j in range(1, np.int64(last_columns[k]) - k + 1):
-                solution[0, k + j] = solution[0, k + j] - y * band[k, j]
-        for m in range(size):
-            k = size - 1 - m
-            total = solution[0, k]
-            for j in range(
-                np.int64(last_columns[k]) - k, 0, -1
-            ):  # the entry known first comes first: a GPU need not wait
-                total = total - band[k, j] * solution[0, k + j]
-            solution[0, k] = band[k, 0] * total
 
-    return SimpleNamespace(factor=factor, solve=solve)
+@routine
+def subtract(band, i, k, many, factor):
+    """Subtract `factor` times row k, from column i on, from row i, `many` entries."""
+    for j in range(many):
+        band[i, j] = band[i, j] - factor * band[k, i - k + j]
+
+
+@routine
+def factor(coarse, groups):
+    """Factor the coarse matrix; for one thread. Returns true if it is not positive."""
+    band, last_columns, size = coarse.band, groups.reach, coarse.band.shape[0]
+    entries = coarse.diagonal
+    for k in range(size):
+        entries[0, k] = band[k, 0]
+    bad = False
+    for k in range(size):
+        inverse, negative = pivot(band[k, 0], entries[0, k])
+        bad = bad or negative
+        last = np.int64(last_columns[k])
+        band[k, 0] = inverse  # inverse of U's diagonal
+        for j in range(1, last - k + 1):
+            band[k, j] = inverse * band[k, j]
+        for i in range(k + 1, last + 1):
+            subtract(band, i, k, last - i + 1, band[k, i - k])
+    return bad
+
+
+@routine
+def solve(coarse, groups):
+    """Solve the coarse system; for one thread."""
+    band, solution, last_columns, size = coarse.band, coarse.solution, groups.reach, coarse.band.shape[0]
+    for k in range(size):
+        y = band[k, 0] * solution[0, k]
+        solution[0, k] = y
+        for j in range(1, np.int64(last_columns[k]) - k + 1):
+            solution[0, k + j] = solution[0, k + j] - y * band[k, j]
+    for m in range(size):
+        k = size - 1 - m
+        total = solution[0, k]
+        for j in range(np.int64(last_columns[k]) - k, 0, -1):  # known entries first: a GPU need not wait
+            total = total - band[k, j] * solution[0, k + j]
+        solution[0, k] = band[k, 0] * total

@@ -6,137 +6,146 @@ Corners, values and strains are flat and stored column by column; model/formulas
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
 
 import numpy as np
 from numba import cuda
 
-from softlab.gpu_backend.core.compile import Kernel, inlined, kernel_options, make_kernel, make_kernels, variant_name
-from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.gpu_backend.contact.colliders import make_collide
+from softlab.gpu_backend.core.compile import Kernel, kernel_options, kernels_of, make_kernel, variant_name
+from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.integers import make_clock
-from softlab.gpu_backend.core.quads import SIZE, load_quad, make_row, store_quad
+from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
 from softlab.gpu_backend.core.world import World
-from softlab.gpu_backend.tetrahedra.descent_contact import make_meeting
-from softlab.gpu_backend.tetrahedra.springs import make_pulled
-from softlab.model.base.tuples import each_of, tuple_of
+from softlab.gpu_backend.tetrahedra.descent_contact import add_contact
+from softlab.gpu_backend.tetrahedra.springs import pulled, xyz
 from softlab.model.base.types import Real
-from softlab.model.formulas.elastic import chebyshev, descent
-from softlab.model.tetrahedra.descent import CORNERS, RATE, SCALE
-from softlab.model.tetrahedra.springs import PARTS, SpringArrays
+from softlab.model.base.variant import FEATURE, Open, filled, inlined_routine, routine
+from softlab.model.formulas.elastic.chebyshev import beyond
+from softlab.model.formulas.elastic.descent import STRAINS, SUMS, added, coasted, element, initial_strain, moved
+from softlab.model.tetrahedra.descent import RATE, SCALE
+from softlab.model.tetrahedra.springs import SpringArrays, kernel_features
 
-NOTHING: frozenset[str] = frozenset()
+NO_STRAINS, NO_SUMS = (0.0,) * STRAINS, (0.0,) * SUMS
+
+clock = Open("clock(counter, place, substeps, substep) -> (step, substep)")
+
+
+@routine
+def accelerate(position, iterates, w):
+    """Extrapolate every particle after a sweep; `iterates`: quads of the positions after the last sweep, then after the
+    one before it."""
+    k, count = np.int32(cuda.grid(1)), np.int32(position.size // SIZE)
+    if k < count:
+        p = load_quad(position, k)
+        if p[3] > 0.0:
+            older = load_quad(iterates, count + k)
+            x, y, z = beyond(p[0], older[0], w), beyond(p[1], older[1], w), beyond(p[2], older[2], w)
+            last = load_quad(iterates, k)
+            store_quad(iterates, count + k, last[0], last[1], last[2], last[3])
+            store_quad(iterates, k, x, y, z, 0.0)
+            store_quad(position, k, x, y, z, p[3])
+
+
+@inlined_routine
+def points_of(position, corners, t):
+    """Return the corners of tetrahedron t."""
+    c = load_quad(corners, np.int32(t))
+    return (
+        xyz(load_quad(position, c[0])), xyz(load_quad(position, c[1])), xyz(load_quad(position, c[2])),
+        xyz(load_quad(position, c[3])),
+    )  # fmt: skip
+
+
+@inlined_routine
+def values_of(values, count, t):
+    """Return the values of tetrahedron t of `count`, packed by quads.pack."""
+    a, b = load_quad(values, np.int32(t)), load_quad(values, np.int32(count + t))
+    c = load_quad(values, np.int32(2 * count + t))
+    return (*a, *b, *c, values[np.uint32(np.int32(12 * count) + t)])
+
+
+@inlined_routine
+def strains_of(strains, count, t):
+    return (
+        strains[np.uint32(t)], strains[np.uint32(np.int32(count) + t)], strains[np.uint32(np.int32(2 * count) + t)],
+        strains[np.uint32(np.int32(3 * count) + t)], strains[np.uint32(np.int32(4 * count) + t)],
+        strains[np.uint32(np.int32(5 * count) + t)],
+    )  # fmt: skip
+
+
+@inlined_routine
+def store_strains(strains, count, t, strain):
+    strains[np.uint32(t)], strains[np.uint32(count + t)] = strain[0], strain[1]
+    strains[np.uint32(2 * count + t)], strains[np.uint32(3 * count + t)] = strain[2], strain[3]
+    strains[np.uint32(4 * count + t)], strains[np.uint32(5 * count + t)] = strain[4], strain[5]
+
+
+@routine
+def remember(before, corners, values, strains, size):
+    """Write the strains of a material's tetrahedra at the start of a substep."""
+    t = np.int32(cuda.grid(1))
+    count = np.int32(size)
+    if t < count:
+        strain = initial_strain(points_of(before, corners, t), values_of(values, count, t))
+        store_strains(strains, count, t, strain)
+
+
+@routine
+def start(before, velocity, inertial, position, order, falls, stop, record):
+    """Write the start of the iterations of the vertices before `stop` of the order, also pinned ones."""
+    k = np.int32(cuda.grid(1))
+    if k < stop:
+        vertex = order[k]
+        b, p = load_quad(before, vertex), load_quad(inertial, vertex)
+        x, y, z = xyz(p)
+        if falls[k] == 0:
+            x, y, z = coasted(xyz(b), xyz(load_quad(velocity, vertex)), record[0].dt)
+        store_quad(position, vertex, x, y, z, b[3])
+
+
+@routine
+def descend(
+    position, inertial, order, offsets, entries, corners, values, strains, spring_offsets, sprung_entries, ends,
+    numbers, before, holds, first, stop, size, record, bodies, integers, counter, place, substeps, substep,
+):  # fmt: skip
+    """Visit the vertices of a colour. `spring_offsets` to `numbers`: of springs; `holds` (particles,) [N/m]; both are read if
+    the variant has them. `size`: tetrahedra of the material."""
+    parameters = record[0]
+    k, count = np.int32(first + cuda.grid(1)), np.int32(size)
+    if k < stop:
+        vertex, rate = order[k], parameters[RATE]
+        sums = NO_SUMS
+        for n in range(offsets[k], offsets[k + 1]):
+            t, corner = entries[n] >> 2, entries[n] & np.int32(3)
+            old = NO_STRAINS
+            if FEATURE.damped:
+                old = strains_of(strains, count, t)
+            points = points_of(position, corners, t)
+            sums = added(sums, element(points, values_of(values, count, t), old, corner, rate))
+        if FEATURE.springs:
+            x, y, z, hard, _ = pulled(vertex, position, SpringArrays(spring_offsets, sprung_entries, ends, numbers))
+            sums = added(sums, (x, y, z, hard, hard, hard, 0.0, 0.0, 0.0))
+        p = load_quad(position, vertex)
+        if FEATURE.colliders:
+            _, number = clock(counter, place, substeps, substep)
+            world = World(parameters, bodies, integers)
+            sums = add_contact(sums, load_quad(before, vertex), p, holds[vertex], world, number)
+        x, y, z = moved(xyz(p), xyz(load_quad(inertial, vertex)), p[3], parameters[SCALE], sums)
+        store_quad(position, vertex, x, y, z, p[3])
 
 
 @cache
 def make_accelerate(real: Real, math: str) -> Kernel:
-    """Compile accelerate(position, iterates, w): it extrapolates every particle after a sweep; `iterates`: quads of the
-    positions after the last sweep, then after the one before it."""
-    beyond, zero = device_formulas(chebyshev, real, math).beyond, real(0)
-
-    def accelerate(position, iterates, w):
-        k, count = np.int32(cuda.grid(1)), np.int32(position.size // SIZE)
-        if k < count:
-            p = load_quad(position, k)
-            if p[3] > zero:
-                older = load_quad(iterates, count + k)
-                x, y, z = beyond(p[0], older[0], w), beyond(p[1], older[1], w), beyond(p[2], older[2], w)
-                last = load_quad(iterates, k)
-                store_quad(iterates, count + k, last[0], last[1], last[2], last[3])
-                store_quad(iterates, k, x, y, z, zero)
-                store_quad(position, k, x, y, z, p[3])
-
-    return make_kernel(accelerate, f"chebyshev_{variant_name(real, math)}", **kernel_options(math))
+    kernel = device_variant(real, math).copied(accelerate)
+    return make_kernel(kernel, f"chebyshev_{variant_name(real, math)}", **kernel_options(math))
 
 
 @cache
-def make_visits(real: Real, math: str, material: int, damped: bool, parts: frozenset[str] = NOTHING) -> SimpleNamespace:
-    """Compile `remember`, `start` and `descend`.
-
-    `remember(before, corners, values, strains, count)`: strains of every tetrahedron of a material at the start of a
-    substep; `start(before, velocity, inertial, position, order, falls, stop, record)`: for the vertices before `stop`
-    of the order, also pinned ones; `descend(position, inertial, order, offsets, entries, corners, values, strains,
-    spring_offsets, sprung_entries, ends, numbers, before, holds, first, stop, count, record, bodies, integers, counter,
-    place, substeps, substep)`: for a colour; `spring_offsets` to `numbers`: of springs; `holds` (particles,) [N/m];
-    both are read if `parts` has them. `count`: tetrahedra of the material.
-    """
-    formulas = device_formulas(descent, real, math, {"material": material, "damped": damped})
-    element, initial_strain, added = formulas.element, formulas.initial_strain, formulas.added
-    moved, coasted = formulas.moved, formulas.coasted
-    pulled, sprung, inline, zero = make_pulled(real, math), bool(parts & PARTS), inlined(math), real(0)
-    meeting, clock = make_meeting(real, math, parts), make_clock(math, parts)
-    has_bodies, add_contact = meeting.has_bodies, meeting.add_contact
-    nobody, one, two, three = np.int32(0), np.int32(1), np.int32(2), np.int32(3)
-    nothing, no_sums = (zero,) * descent.STRAINS, (zero,) * descent.SUMS
-
-    @inline
-    def xyz(quad):
-        return quad[0], quad[1], quad[2]
-
-    def point_at(n: int) -> Callable:
-        return inline(lambda position, corners, count, t: xyz(load_quad(position, corners[n])))
-
-    def strain_at(n: int) -> Callable:
-        return inline(lambda strains, unused, count, t: strains[np.uint32(np.int32(n * count) + t)])
-
-    def store_at(n: int) -> Callable:
-        @inline
-        def store(strains, unused, count, t, strain):
-            strains[np.uint32(np.int32(n * count) + t)] = strain
-
-        return store
-
-    corners_of, values_of = make_row(CORNERS, inline), make_row(descent.COUNT, inline)
-    points_at, strains_of = tuple_of(CORNERS, point_at, inline), tuple_of(descent.STRAINS, strain_at, inline)
-    store_all = each_of(descent.STRAINS, store_at, inline)
-
-    @inline
-    def points_of(position, corners, count, t):
-        return points_at(position, corners_of(corners, count, t), count, t)
-
-    def remember(before, corners, values, strains, size):
-        t = np.int32(cuda.grid(1))
-        count = np.int32(size)
-        if t < count:
-            strain = initial_strain(points_of(before, corners, count, t), values_of(values, count, t))
-            store_all(strains, t, count, t, strain)
-
-    def start(before, velocity, inertial, position, order, falls, stop, record):
-        k = np.int32(cuda.grid(1))
-        if k < stop:
-            vertex = order[k]
-            b, p = load_quad(before, vertex), load_quad(inertial, vertex)
-            x, y, z = xyz(p)
-            if falls[k] == nobody:
-                x, y, z = coasted(xyz(b), xyz(load_quad(velocity, vertex)), record[0].dt)
-            store_quad(position, vertex, x, y, z, b[3])
-
-    def descend(
-        position, inertial, order, offsets, entries, corners, values, strains, spring_offsets, sprung_entries, ends,
-        numbers, before, holds, first, stop, size, record, bodies, integers, counter, place, substeps, substep,
-    ):  # fmt: skip
-        parameters = record[0]
-        k, count = np.int32(first + cuda.grid(1)), np.int32(size)
-        if k < stop:
-            vertex, rate = order[k], parameters[RATE]
-            sums = no_sums
-            for n in range(offsets[k], offsets[k + one]):
-                t, corner = entries[n] >> two, entries[n] & three
-                old = nothing
-                if damped:
-                    old = strains_of(strains, t, count, t)
-                points = points_of(position, corners, count, t)
-                sums = added(sums, element(points, values_of(values, count, t), old, corner, rate))
-            if sprung:
-                x, y, z, hard, _ = pulled(vertex, position, SpringArrays(spring_offsets, sprung_entries, ends, numbers))
-                sums = added(sums, (x, y, z, hard, hard, hard, zero, zero, zero))
-            p = load_quad(position, vertex)
-            if has_bodies:
-                _, number = clock(counter, place, substeps, substep)
-                world = World(parameters, bodies, integers)
-                sums = add_contact(sums, load_quad(before, vertex), p, holds[vertex], world, number)
-            x, y, z = moved(xyz(p), xyz(load_quad(inertial, vertex)), p[3], parameters[SCALE], sums)
-            store_quad(position, vertex, x, y, z, p[3])
-
-    return make_kernels((remember, start, descend), f"descent_{variant_name(real, math)}", **kernel_options(math))
+def make_visits(real: Real, math: str, material: int, damped: bool, parts: frozenset[str]) -> SimpleNamespace:
+    """Compile `remember`, `start` and `descend`."""
+    variant = device_variant(real, math, kernel_features(parts) | {"material": material, "damped": damped})
+    names = {"touch": make_collide(real, math, parts), "clock": make_clock(math, parts)}
+    kernels = remember, start, filled(descend, names)
+    return kernels_of(variant, math, kernels, f"descent_{variant_name(real, math)}")

@@ -12,17 +12,26 @@ from typing import NamedTuple
 import numpy as np
 
 from softlab.model.base.types import Real
+from softlab.model.base.variant import features_of
 from softlab.model.contact.attachments import attachment_sets, part_of
 from softlab.model.formulas.elastic.spring import AT_POINT, AT_STIFFNESS, CORNERS, COUNT
 from softlab.model.geometry.arithmetic.ordered import total
 from softlab.model.geometry.lists import grouped
 from softlab.model.particles.tetrahedra.topology import bodies_of_particles
 from softlab.model.particles.tetrahedra_set import TetrahedraSet
+from softlab.model.tables.cloth import COLLIDER_KINDS
+from softlab.model.tetrahedra.constraints import DAMPED
 from softlab.model.tetrahedra.newton import holding
 
 HARD = {"vbd": 10.0, "newton": 100.0}  # by solver
 PARTS = frozenset({part_of("world"), part_of("bodies")})  # parts of a plan with springs
 PAIRS = CORNERS * CORNERS  # blocks of a spring, by rows
+
+
+def kernel_features(parts: frozenset[str]) -> dict[str, bool]:
+    """Return the features of the kernels of a plan's parts, for solvers that minimise an energy."""
+    colliders = bool(parts & set(COLLIDER_KINDS))
+    return features_of(parts) | {"springs": bool(parts & PARTS), "colliders": colliders, "damped": DAMPED in parts}
 
 
 class SpringArrays(NamedTuple):

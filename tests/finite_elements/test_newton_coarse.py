@@ -6,15 +6,10 @@ import numpy as np
 import pytest
 from test_newton import STILL, bar, opened, start
 
-from softlab.cpu_backend.core.compile import Compiler
-from softlab.cpu_backend.core.plain import translated
 from softlab.cpu_backend.tetrahedra.newton_arrays import Coarse
-from softlab.cpu_backend.tetrahedra.newton_coarse import make_band, make_coarse
+from softlab.cpu_backend.tetrahedra.newton_coarse import centre, corrected, factor, gather, restrict, solve
 from softlab.model.tetrahedra.aggregates import MOST, aggregates
 from softlab.model.tetrahedra.block_rows import block_rows
-
-ONE = Compiler("test", "exact")
-LEVEL = {**vars(make_coarse(ONE, np.float64)), **vars(make_band(ONE, np.float64))}
 
 
 def test_groups_hold_each_free_particle_once_and_reach_as_far_as_the_matrix() -> None:
@@ -57,13 +52,12 @@ def test_the_coarse_level_is_the_matrix_seen_by_rigid_motions() -> None:
     shapes = (groups.number, 4), (size, groups.width), (1, size), (1, size)
     coarse = Coarse(*(np.zeros(shape) for shape in shapes))
     residual = random.normal(size=(count, 3))
-    plain = {name: translated(function) for name, function in LEVEL.items()}
-    plain["centre"](0, groups.number, position, groups, coarse)
-    plain["gather"](0, groups.number, position, rows, blocks, groups, coarse)
-    assert not plain["factor"](coarse, groups)
-    plain["restrict"](0, groups.number, position, residual, groups, coarse)
-    plain["solve"](coarse, groups)
-    got = np.array([plain["corrected"](k, position, groups, coarse) for k in range(count)])
+    centre(0, groups.number, position, groups, coarse)
+    gather(0, groups.number, position, rows, blocks, groups, coarse)
+    assert not factor(coarse, groups)
+    restrict(0, groups.number, position, residual, groups, coarse)
+    solve(coarse, groups)
+    got = np.array([corrected(k, position, groups, coarse) for k in range(count)])
     rigid = np.zeros((3 * count, size))
     for k in range(count):
         a = groups.group[k]

@@ -74,7 +74,7 @@ DESCENT: tuple[Mistake, ...] = (
         "cpu_backend/tetrahedra/descent_kernels.py",
         "test_vbd_cpu.py::test_one_vertex_is_where_backward_euler_has_it test_vbd_reference.py",
         {
-            "a visit takes its vertex for the tetrahedron's first corner (cpu)": ("element(points_of(position, corners, t, t), values_of(values, t, t, t), old, entries[n] & 3, rate)", "element(points_of(position, corners, t, t), values_of(values, t, t, t), old, entries[n] & 1, rate)"),
+            "a visit takes its vertex for the tetrahedron's first corner (cpu)": ("element(points, numbers, old, entries[n] & 3, rate)", "element(points, numbers, old, entries[n] & 1, rate)"),
             "the last colour of vertices is left out (cpu)": ("for colour in range(starts.size - 1):", "for colour in range(starts.size - 2):"),
         },
     ),
