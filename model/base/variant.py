@@ -50,21 +50,36 @@ COMPARED: dict[type[ast.cmpop], Callable[..., bool]] = {
 SINGLE = "single"  # the feature of every float32 variant
 FEATURES = {  # what a variant may have and a formula may ask for
     "alone": "a tetrahedron conserves its own volume, not with others of its voxel",
+    "alternating": "every second spring is stiffer",
     "anchors": "number of anchors of a long-range attachment",
     "axes": "2 or 3 dimensions",
+    "block": "columns per iteration of loops along a row",
     "blocks": "constraints of a tetrahedron are solved together",
     "bounces": "contacts have restitution",
+    "changing": "forces on single particles depend on the step number",
     "corners": "number of corners of an attachment",
+    "cut": "the grid's last row may be inside a thread's strip",
     "damped": "there is a damper",
+    "forced": "there are forces on single particles",
     "friction": "contacts have friction",
+    "gravity": "there is gravity",
+    "halo": "rings of masses around those that a tile owns",
     "in_place": "friction acts within the iterations",
     "levers": "friction of surfaces acts at the vertex, and turns triangles",
     "linear": "one linearised step of implicit Euler",
     "load": "masses differ",
     "material": "number of the elastic energy",
     "per_constraint": "each constraint has its own compliance",
+    "pins": "there are pinned masses",
     SINGLE: "float32",
     "soft": "constraints have a compliance",
+    "springs": "there are springs",
+    "stage": "number of the stage of RK4, from 0",
+    "strip": "masses of a thread",
+    "tile_columns": "columns of a tile",
+    "tile_rows": "rows of a tile",
+    "verlet": "the integrator is velocity Verlet",
+    "whole": "the grid is one tile",
 }
 
 
@@ -137,7 +152,7 @@ def place(function: Any) -> str:
 
 
 class Open:
-    """A name in a formula that `filled` replaces by another formula; `signature` says which one."""
+    """A name in a formula that `filled` replaces, usually by another formula; `signature` says by what."""
 
     def __init__(self, signature: str):
         self.signature = signature
@@ -150,17 +165,50 @@ class Filled:
     """A formula with formulas in the place of its open names."""
 
     def __init__(self, function: Any, names: dict[str, Any]):
-        self.function, self.names = function, names
+        self.function, self.names, self._key = function, names, (function, frozenset(names.items()))
         self.__name__, self.__module__, self.__doc__ = function.__name__, function.__module__, function.__doc__
         self.rounds_products, self.how = function.rounds_products, function.how
 
     def __call__(self, *arguments: object) -> Any:
         return Variant(np.float64)(self)(*arguments)
 
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Filled) and self._key == other._key
+
+    def __hash__(self) -> int:
+        return hash(self._key)
+
 
 def filled(function: Any, names: dict[str, Any]) -> Any:
-    """Return a formula with formulas in the place of its open `names`."""
+    """Return a formula with formulas in the place of the open `names` of it and of what it calls."""
+    if isinstance(function, Filled):
+        function, names = function.function, {**names, **function.names}
     return Filled(function, names)
+
+
+@cache
+def open_names(function: Any) -> frozenset[str]:
+    """Return the open names of a formula and of what it calls."""
+    names: set[str] = set()
+    seen, left = {function}, [function]
+    while left:
+        one = left.pop()
+        inner, known = (one.function, one.names) if isinstance(one, Filled) else (one, {})
+        left += [value for value in known.values() if is_formula(value)]
+        for name in set(inner.__code__.co_names) - known.keys():
+            value = inner.__globals__.get(name)
+            if isinstance(value, Open):
+                names.add(name)
+            elif is_formula(value) and value not in seen:
+                seen.add(value)
+                left.append(value)
+    return frozenset(names)
+
+
+def _filled_inside(value: Any, names: dict[str, Any]) -> Any:
+    """Return what a formula with `names` calls: `value`, with those of the names that are open in it."""
+    inside = {name: names[name] for name in names.keys() & open_names(value)} if is_formula(value) else {}
+    return filled(value, inside) if inside else value
 
 
 def plain(function: F) -> F:
@@ -207,14 +255,18 @@ class Variant:
     def copied(self, formula: Any) -> FunctionType:
         """Return a new copy of a formula or routine in this variant, not compiled; what it calls is."""
         function, names = (formula.function, formula.names) if isinstance(formula, Filled) else (formula, {})
-        known = vars(builtins) | function.__globals__ | names
+        known = vars(builtins) | function.__globals__
         rounded = self.product is not None and function.rounds_products
         code, used, constants = specialised(function, self.features, rounded)
-        if undefined := sorted(used - known.keys() - constants.keys() - {PRODUCT}):
+        if undefined := sorted(used - known.keys() - names.keys() - constants.keys() - {PRODUCT}):
             raise NameError(
                 f"{place(function)}: the formula {function.__name__} uses {undefined[0]}, which is not defined"
             )
-        space = {name: self._within(known[name], function) for name in used & known.keys()}
+        space = {
+            name: self._within(_filled_inside(known[name], names), function)
+            for name in used & (known.keys() - names.keys())
+        }
+        space |= {name: self._within(_filled_inside(names[name], names), function) for name in used & names.keys()}
         space |= {name: self.real(value) for name, value in constants.items()}
         space |= {"__name__": function.__module__, "__builtins__": builtins, PRODUCT: self.product}
         exec(code, space)

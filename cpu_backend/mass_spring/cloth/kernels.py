@@ -20,14 +20,17 @@ from softlab.cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE
 from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.core.scratch import AXES, cloth_variant, triples_of
 from softlab.cpu_backend.mass_spring.cloth.rows import make_cloth_forces
-from softlab.cpu_backend.mass_spring.grid.row_step import CLOSING, OPENING, make_finish_axis, make_finishes, pass_kind
+from softlab.cpu_backend.mass_spring.grid.row_step import CLOSING, OPENING, finish_axis, pass_kind
 from softlab.model.base.types import Real
+from softlab.model.base.variant import filled
 from softlab.model.contact.cloth_parameters import (
     P_MOTION,
     PIN_FIELDS,
 )
-from softlab.model.formulas import cloth, springs
+from softlab.model.core.integrators import step_formula
+from softlab.model.formulas import cloth
 from softlab.model.mass_spring.cloth_plan import kicks_coupled
+from softlab.model.mass_spring.plan import sheet_features
 from softlab.model.tables.cloth import COLLIDER_KINDS
 
 PLANES = 2 * AXES  # x, y, z, vx, vy, vz
@@ -81,9 +84,8 @@ def make_settle(compiler: Compiler, real: Real, parts: frozenset[str]) -> Simple
 def make_finish_rows(compiler: Compiler, real: Real, integrator: str, parts: frozenset[str]) -> Callable:
     """Make finish(kind, blocks, position, velocity, closing, opening, parameters, new_position, new_velocity): it
     integrates one axis of a row from its sums of accelerations."""
-    damped = compiler.formulas(springs, real).damped
-    finishes = make_finishes(compiler, real, integrator, "damping" in parts, damped)
-    return make_finish_axis(compiler, real, finishes)
+    features = {**sheet_features(integrator, parts), "block": block_of(real)}
+    return compiler.variant_of(real, features)(filled(finish_axis, {"one_force": step_formula(integrator)}))
 
 
 @cache

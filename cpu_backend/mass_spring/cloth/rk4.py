@@ -13,7 +13,8 @@ from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.core.scratch import AXES, cloth_variant, triples_of
 from softlab.cpu_backend.mass_spring.cloth.kernels import PLANES, make_settle
 from softlab.cpu_backend.mass_spring.cloth.rows import make_cloth_forces
-from softlab.cpu_backend.mass_spring.grid.rk4 import BASE, SOURCE, STAGE_2, TARGET, TOTAL, make_rk4_rows
+from softlab.cpu_backend.mass_spring.grid.rk4 import BASE, SOURCE, STAGE_2, TARGET, TOTAL
+from softlab.cpu_backend.mass_spring.grid.rk4 import update as update_row
 from softlab.model.base.types import Real
 from softlab.model.formulas import cloth, motion, springs
 
@@ -52,7 +53,7 @@ def make_stage_band(compiler: Compiler, real: Real, parts: frozenset[str]) -> Ca
     begin_walk, sum_forces, air_now, place = forces.begin_walk, forces.sum_forces, forces.air_now, forces.place
     settled = make_settle(compiler, real, parts)
     settle, collide_row, has_colliders = settled.settle, settled.collide_row, settled.has_colliders
-    update = make_rk4_rows(compiler, real)
+    update = compiler.variant_of(real, {"block": block_of(real)})(update_row)
     damped = compiler.formulas(springs, real).damped
     has_wind, has_damping, a_close = "wind" in parts, "damping" in parts, forces.a_close
     triples, block = triples_of(parts)["count"], block_of(real)
