@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.tiling import Tile
 from softlab.model.base.variant import FEATURE, inlined_routine
 
@@ -25,8 +22,3 @@ def bits_between(first, end, i):
         if row >= first and row < end:
             bits = bits | np.int32(1 << r)
     return bits
-
-
-def make_bits_between(math: str, strip: int) -> Any:
-    """Return the compiled `bits_between`."""
-    return device_variant(np.float32, math, {"strip": strip})(bits_between)
