@@ -233,8 +233,13 @@ def open_names(function: Any) -> frozenset[str]:
 
 
 def _filled_inside(value: Any, names: dict[str, Any]) -> Any:
-    """Return what a formula with `names` calls: `value`, with those of the names that are open in it."""
-    inside = {name: names[name] for name in names.keys() & open_names(value)} if is_formula(value) else {}
+    """Return what a formula with `names` calls: `value`, with those of the names that are open in it or in these."""
+    inside, left = {}, [value]
+    while left:
+        one = left.pop()
+        for name in names.keys() & open_names(one) - inside.keys() if is_formula(one) else ():
+            inside[name] = names[name]
+            left.append(names[name])
     return filled(value, inside) if inside else value
 
 
