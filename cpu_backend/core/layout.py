@@ -19,6 +19,7 @@ from numba.extending import intrinsic
 
 from softlab.cpu_backend.core.plain import in_python
 from softlab.model.base.types import Real
+from softlab.model.base.variant import CountOfPrecision
 
 LINE = 64  # bytes of a cache line, and of the widest vectors
 PAGE = 4096  # bytes after which addresses map to the same sets of the first-level cache
@@ -35,6 +36,9 @@ _built_in: Any = intrinsic  # typed by numba when it is compiled
 def block_of(real: Real) -> int:
     """Return the number of columns per iteration of loops along a row: a cache line."""
     return LINE // np.dtype(real).itemsize
+
+
+BLOCK = CountOfPrecision(block_of)
 
 
 def aligned_zeros(count: int, real: Real) -> np.ndarray:

@@ -63,7 +63,6 @@ FEATURES = {  # what a variant may have and a formula may ask for
     "at_right": "number of the scratch rows of the pulls down to the right",
     "axes": "2 or 3 dimensions",
     "bending": "there are bending springs",
-    "block": "columns per iteration of loops along a row",
     "blocks": "constraints of a tetrahedron are solved together",
     "bounces": "contacts have restitution",
     "changing": "forces on single particles depend on the step number",
@@ -131,6 +130,17 @@ class OfPrecision(float):
         return constant
 
 
+class CountOfPrecision(int):
+    """The same of an integer: a literal where it is used, which the result of a function is not."""
+
+    make: Callable[[Any], int]
+
+    def __new__(cls, make: Callable[[Any], int]) -> CountOfPrecision:
+        count = super().__new__(cls, make(np.float64))
+        count.make = make
+        return count
+
+
 def real(number: Any) -> Any:
     """Return a number in the variant's precision; as plain Python, in float64."""
     return np.float64(number)
@@ -162,6 +172,12 @@ def row_routine(function: F) -> F:
 def inlined_routine(function: F) -> F:
     """Mark a routine as one whose arguments cost more to pass than its body, or lie in registers."""
     return _marked(function, rounds_products=False, how="inlined")
+
+
+def instruction(function: F) -> F:
+    """Mark the plain equivalent of an instruction, for where nothing is compiled: routines call it as it is."""
+    function.is_instruction = True  # type: ignore[attr-defined]
+    return function
 
 
 def _marked(function: F, rounds_products: bool, how: str = "") -> F:
@@ -313,9 +329,11 @@ class Variant:
             return self.real
         if isinstance(value, float):
             return self.real(value.make(self.real) if isinstance(value, OfPrecision) else value)
+        if isinstance(value, CountOfPrecision):
+            return value.make(self.real)
         if isinstance(value, Open):
             raise TypeError(f"{place(caller)}: compile filled({caller.__name__}, ...): {value.signature} is open")
-        if type(value) is FunctionType:
+        if type(value) is FunctionType and not hasattr(value, "is_instruction"):
             raise TypeError(
                 f"{place(caller)}: the formula {caller.__name__} calls {value.__name__}, which is no formula: write "
                 f"@formula, or @integer_formula, above it ({place(value)})"
@@ -512,7 +530,7 @@ class _Specialise(ast.NodeTransformer):
         if of_feature and isinstance(node.left, ast.Constant) and type(node.ops[0]) in COMPARED:
             right = node.comparators[0]
             value = self.known.get(right.id) if isinstance(right, ast.Name) else getattr(right, "value", None)
-            if isinstance(value, (int, str)) and len(node.ops) == 1:
+            if isinstance(value, (int, str)) and not isinstance(value, CountOfPrecision) and len(node.ops) == 1:
                 return ast.copy_location(ast.Constant(COMPARED[type(node.ops[0])](node.left.value, value)), node)
         return node
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
-from softlab.cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_ROWS, aligned_zeros, row_at
+from softlab.cpu_backend.core.layout import BLOCK, L_COLUMNS, L_PLANE, L_ROWS, aligned_zeros, row_at
 from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.core.scratch import AXES, SPAN, cloth_variant
 from softlab.cpu_backend.mass_spring.arrays import ImplicitArrays
@@ -110,7 +110,7 @@ def pass_band(c, band, step, source, target, sheet, system, arrays):
     bands, width = np.int64(scratches.shape[0]), np.int64(scratches.shape[1]) // (AXES * FEATURE.triples)
     first, last = rows * band // bands, rows * (band + 1) // bands
     scratch, running = scratches[band], arrays.lanes[band]
-    blocks, segments = (columns + FEATURE.block - 1) // FEATURE.block, (columns + SEGMENT - 1) // SEGMENT
+    blocks, segments = (columns + BLOCK - 1) // BLOCK, (columns + SEGMENT - 1) // SEGMENT
     count, end, air = rows * segments, 0.0, (0.0, 0.0, 0.0)
     if FEATURE.motion:
         end = instant(step + 1, parameters.dt, parameters.first_step, parameters.first_time)

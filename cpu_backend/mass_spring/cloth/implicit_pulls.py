@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from softlab.cpu_backend.core.layout import row_at
+from softlab.cpu_backend.core.layout import BLOCK, row_at
 from softlab.cpu_backend.core.scratch import AXES
 from softlab.cpu_backend.mass_spring.cloth.rows import k_damping, k_rest, k_stiffness, pulls_of, row_start
-from softlab.model.base.variant import FEATURE, Open, filled, routine, row_routine
+from softlab.model.base.variant import Open, filled, routine, row_routine
 from softlab.model.formulas.implicit import end_pull_3d, product_3d
 
 BESIDE = 2 * AXES  # planes from a vector to the one that belongs to it
@@ -22,7 +22,7 @@ def pull_row(
     blocks, x, y, z, wx, wy, wz, far_x, far_y, far_z, far_wx, far_wy, far_wz, stiffness, rest, damping, dt, out_x,
     out_y, out_z,
 ):  # fmt: skip
-    for j in range(blocks * FEATURE.block):
+    for j in range(blocks * BLOCK):
         px, py, pz = pull_formula(
             far_x[j] - x[j], far_y[j] - y[j], far_z[j] - z[j], far_wx[j] - wx[j], far_wy[j] - wy[j],
             far_wz[j] - wz[j], stiffness, rest, damping, dt,

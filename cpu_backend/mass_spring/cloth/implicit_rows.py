@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
-from softlab.cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_STRIDE, row_at
+from softlab.cpu_backend.core.layout import BLOCK, L_COLUMNS, L_PLANE, L_STRIDE, row_at
 from softlab.cpu_backend.core.scratch import AXES
 from softlab.cpu_backend.mass_spring.cloth.implicit_pulls import end_pulls, products
 from softlab.cpu_backend.mass_spring.cloth.rows import (
@@ -49,13 +49,13 @@ def spring_parts(parts: frozenset[str]) -> frozenset[str]:
 
 @row_routine
 def leave(blocks, x, u, dt, base):
-    for j in range(blocks * FEATURE.block):
+    for j in range(blocks * BLOCK):
         base[j] = added(x[j], -dt, u[j])
 
 
 @row_routine
 def begin(blocks, position, velocity, acceleration, dt, x, u, started):
-    for j in range(blocks * FEATURE.block):
+    for j in range(blocks * BLOCK):
         x[j] = position[j]
         u[j] = 0.0
         started[j] = added(velocity[j], dt, acceleration[j])
@@ -63,19 +63,19 @@ def begin(blocks, position, velocity, acceleration, dt, x, u, started):
 
 @row_routine
 def missing(blocks, started, u, acceleration, dt, rate, r):
-    for j in range(blocks * FEATURE.block):
+    for j in range(blocks * BLOCK):
         r[j] = residual(started[j], u[j], acceleration[j], dt, rate)
 
 
 @row_routine
 def apply(blocks, r, pulls, mass_entry, out):
-    for j in range(blocks * FEATURE.block):
+    for j in range(blocks * BLOCK):
         out[j] = applied(r[j], pulls[j], mass_entry)
 
 
 @row_routine
 def first_update(blocks, alpha, applied_r, r, s, q, applied_q):
-    for j in range(blocks * FEATURE.block):
+    for j in range(blocks * BLOCK):
         q[j] = r[j]
         applied_q[j] = applied_r[j]
         s[j] = added(0.0, alpha, r[j])
@@ -84,7 +84,7 @@ def first_update(blocks, alpha, applied_r, r, s, q, applied_q):
 
 @row_routine
 def next_update(blocks, alpha, beta, applied_r, r, s, q, applied_q):
-    for j in range(blocks * FEATURE.block):
+    for j in range(blocks * BLOCK):
         direction, applied_direction = added(r[j], beta, q[j]), added(applied_r[j], beta, applied_q[j])
         q[j] = direction
         applied_q[j] = applied_direction
@@ -94,14 +94,14 @@ def next_update(blocks, alpha, beta, applied_r, r, s, q, applied_q):
 
 @row_routine
 def move(blocks, position, dt, s, u, x):
-    for j in range(blocks * FEATURE.block):
+    for j in range(blocks * BLOCK):
         u[j] = added(u[j], 1.0, s[j])
         x[j] = added(position[j], dt, u[j])
 
 
 @row_routine
 def retreat(blocks, position, dt, s, u, x):
-    for j in range(blocks * FEATURE.block):
+    for j in range(blocks * BLOCK):
         s[j] = 0.5 * s[j]
         u[j] = added(u[j], -1.0, s[j])
         x[j] = added(position[j], dt, u[j])
@@ -109,7 +109,7 @@ def retreat(blocks, position, dt, s, u, x):
 
 @row_routine
 def copy(blocks, source, target):
-    for j in range(blocks * FEATURE.block):
+    for j in range(blocks * BLOCK):
         target[j] = source[j]
 
 

@@ -13,7 +13,7 @@ from functools import cache
 import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
-from softlab.cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, row_at
+from softlab.cpu_backend.core.layout import BLOCK, L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, row_at
 from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.core.scratch import AXES, cloth_variant
 from softlab.cpu_backend.mass_spring.cloth.rows import (
@@ -37,8 +37,8 @@ PIN_ROWS = 3  # index in the integers: where the rows of pins begin among those 
 
 @row_routine
 def fill_spare(plane_row, value, spare):
-    for j in range(FEATURE.block):
-        plane_row[j] = value if j >= FEATURE.block - spare else plane_row[j]
+    for j in range(BLOCK):
+        plane_row[j] = value if j >= BLOCK - spare else plane_row[j]
 
 
 @routine
@@ -59,12 +59,12 @@ def settle(i, blocks, source, target, time, sheet):
                     x, y, z, vx, vy, vz = follow(bodies, pin, time)
                     target[place], target[place + plane], target[place + 2 * plane] = x, y, z
                     target[place + 3 * plane], target[place + 4 * plane], target[place + 5 * plane] = vx, vy, vz
-    if columns % FEATURE.block != 0:
-        last_block = here + (blocks - 1) * FEATURE.block
+    if columns % BLOCK != 0:
+        last_block = here + (blocks - 1) * BLOCK
         for axis in range(AXES):
             last = target[here + axis * plane + columns - 1]
-            fill_spare(row_at(target, last_block + axis * plane), last, FEATURE.block - columns % FEATURE.block)
-            fill_spare(row_at(target, last_block + (AXES + axis) * plane), 0.0, FEATURE.block - columns % FEATURE.block)
+            fill_spare(row_at(target, last_block + axis * plane), last, BLOCK - columns % BLOCK)
+            fill_spare(row_at(target, last_block + (AXES + axis) * plane), 0.0, BLOCK - columns % BLOCK)
 
 
 @routine
@@ -75,7 +75,7 @@ def advance_band(band, kind, step, states, current, sheet, scratches):
     first, last = rows * band // bands, rows * (band + 1) // bands
     source, target = row_at(states, current * PLANES * plane), row_at(states, (1 - current) * PLANES * plane)
     scratch = scratches[band]
-    blocks = (columns + FEATURE.block - 1) // FEATURE.block
+    blocks = (columns + BLOCK - 1) // BLOCK
     air = (0.0, 0.0, 0.0)
     if FEATURE.wind:
         air = air_now(parameters, integers, step, 0.0)

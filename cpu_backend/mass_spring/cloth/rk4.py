@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
-from softlab.cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, row_at
+from softlab.cpu_backend.core.layout import BLOCK, L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, row_at
 from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.core.scratch import AXES, cloth_variant
 from softlab.cpu_backend.mass_spring.cloth.kernels import PLANES, settle
@@ -44,7 +44,7 @@ def times(stage, step, parameters):
 
 @row_routine
 def copy_row(blocks, source, target):
-    for j in range(blocks * FEATURE.block):
+    for j in range(blocks * BLOCK):
         target[j] = source[j]
 
 
@@ -64,7 +64,7 @@ def stage_band(band, stage, step, states, sheet, scratches):
     spare = row_at(states, STAGE_2 * size)
     source, target = row_at(states, SOURCE[stage] * size), row_at(states, TARGET[stage] * size)
     scratch = scratches[band]
-    blocks = (columns + FEATURE.block - 1) // FEATURE.block
+    blocks = (columns + BLOCK - 1) // BLOCK
     offset, end = times(stage, step, parameters)
     air = (0.0, 0.0, 0.0)
     if FEATURE.wind:

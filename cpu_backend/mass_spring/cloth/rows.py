@@ -17,7 +17,7 @@ import numpy as np
 from softlab.cpu_backend.contact.colliders import make_collide_row
 from softlab.cpu_backend.contact.pins import make_follow
 from softlab.cpu_backend.core.compile import Compiler
-from softlab.cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, block_of, row_at
+from softlab.cpu_backend.core.layout import BLOCK, L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, row_at
 from softlab.cpu_backend.core.own_forces import make_particle_force_row
 from softlab.cpu_backend.core.scratch import AXES, SPAN, make_scratch, triples_of
 from softlab.cpu_backend.core.wind import make_winds
@@ -53,7 +53,7 @@ structural, shear, bending = (
 
 @row_routine
 def pull_row(blocks, x, y, z, far_x, far_y, far_z, stiffness, rest, out_x, out_y, out_z):
-    for j in range(blocks * FEATURE.block):
+    for j in range(blocks * BLOCK):
         px, py, pz = spring_acceleration_3d(far_x[j] - x[j], far_y[j] - y[j], far_z[j] - z[j], stiffness, rest)
         out_x[j] = px
         out_y[j] = py
@@ -65,7 +65,7 @@ def damped_row(
     blocks, x, y, z, vx, vy, vz, far_x, far_y, far_z, far_vx, far_vy, far_vz, stiffness, rest, damping, out_x, out_y,
     out_z,
 ):  # fmt: skip
-    for j in range(blocks * FEATURE.block):
+    for j in range(blocks * BLOCK):
         px, py, pz = damped_pull_3d(
             far_x[j] - x[j], far_y[j] - y[j], far_z[j] - z[j], far_vx[j] - vx[j], far_vy[j] - vy[j],
             far_vz[j] - vz[j], stiffness, rest, damping,
@@ -135,7 +135,7 @@ def spring_rows(i, across, blocks, layout, source, parameters, scratch, width):
 def sum_row(
     blocks, across, down, above, right, right_above, left, left_above, far_across, far_down, far_above, gravity, out
 ):  # fmt: skip
-    for k in range(SPAN, blocks * FEATURE.block + SPAN):
+    for k in range(SPAN, blocks * BLOCK + SPAN):
         a = 0.0
         if FEATURE.structural:
             a = (across[k] - across[k - 1]) + (down[k] - above[k])
@@ -253,7 +253,7 @@ def cloth_features(real: Real, integrator: str, parts: frozenset[str]) -> dict[s
     at = triples_of(parts)
     names = ("across", "close", "down", "far_across", "far_down", "left", "open", "right")
     return {
-        **sheet_features(integrator, parts), **{f"at_{name}": at.get(name, 0) for name in names}, "block": block_of(real),
+        **sheet_features(integrator, parts), **{f"at_{name}": at.get(name, 0) for name in names},
         "cleared": at["count"], "colliders": not parts.isdisjoint(COLLIDER_KINDS), "moving": not kicks_coupled(parts),
         "triples": at["count"],
     }  # fmt: skip

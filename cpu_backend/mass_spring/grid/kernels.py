@@ -14,12 +14,12 @@ from functools import cache
 import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
-from softlab.cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, PLANES, row_at
+from softlab.cpu_backend.core.layout import BLOCK, L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, PLANES, row_at
 from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.mass_spring.grid.row_step import pass_kind, step_row
 from softlab.cpu_backend.mass_spring.grid.rows import SUM_ROWS, begin_walk, sheet_kernel, variant_name
 from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, routine
+from softlab.model.base.variant import routine
 
 ABOVE_ROWS = 2  # of a walk: pulls along x and y, passed to the next row
 SCRATCH_ROWS = ABOVE_ROWS + SUM_ROWS
@@ -34,7 +34,7 @@ def advance_band(band, kind, step, states, current, sheet, scratches):
     source, target = row_at(states, current * PLANES * plane), row_at(states, (1 - current) * PLANES * plane)
     above = scratches[band]
     sums = row_at(above, ABOVE_ROWS * width)
-    blocks = (columns + FEATURE.block - 1) // FEATURE.block
+    blocks = (columns + BLOCK - 1) // BLOCK
     begin_walk(first, blocks, source, first * stride, stride, plane, sheet.parameters, above, width)
     for i in range(first, last):
         here = i * stride

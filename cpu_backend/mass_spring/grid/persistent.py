@@ -18,13 +18,13 @@ from functools import cache
 import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
-from softlab.cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, PLANES, row_at
+from softlab.cpu_backend.core.layout import BLOCK, L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, PLANES, row_at
 from softlab.cpu_backend.core.progress import SPINS, bide, exchange, load_acquire, store_release
 from softlab.cpu_backend.mass_spring.grid.kernels import ABOVE_ROWS, SCRATCH_ROWS
 from softlab.cpu_backend.mass_spring.grid.row_step import pass_kind, step_row
 from softlab.cpu_backend.mass_spring.grid.rows import begin_walk, sheet_kernel, variant_name
 from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, routine
+from softlab.model.base.variant import routine
 
 TEAM_FLAGS, BORDER, DONE = 3, 1, 2
 TEAM_SCRATCH_ROWS = SCRATCH_ROWS + ABOVE_ROWS  # one more walk: that of the lower border row
@@ -36,7 +36,7 @@ def walk(start, end, kind, step, states, current, sheet, above, sums, width):
     layout = sheet.layout
     rows, columns, stride, plane = layout[L_ROWS], layout[L_COLUMNS], layout[L_STRIDE], layout[L_PLANE]
     source, target = row_at(states, current * PLANES * plane), row_at(states, (1 - current) * PLANES * plane)
-    blocks = (columns + FEATURE.block - 1) // FEATURE.block
+    blocks = (columns + BLOCK - 1) // BLOCK
     for i in range(start, end):
         here = i * stride
         below = here + stride if i < rows - 1 else here
@@ -52,7 +52,7 @@ def begin(i, states, current, sheet, above, width):
     source = row_at(states, current * PLANES * plane)
     begin_walk(
         i,
-        (columns + FEATURE.block - 1) // FEATURE.block,
+        (columns + BLOCK - 1) // BLOCK,
         source,
         i * stride,
         stride,

@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
-from softlab.cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, PLANES, row_at
+from softlab.cpu_backend.core.layout import BLOCK, L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, PLANES, row_at
 from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.mass_spring.grid.kernels import ABOVE_ROWS, SCRATCH_ROWS
 from softlab.cpu_backend.mass_spring.grid.rows import (
@@ -34,7 +34,7 @@ TARGET = (STAGE_1, STAGE_2, STAGE_1, BASE)
 
 @row_routine
 def first_stage(blocks, base, rate, derivative_dt, total_dt, total, out):
-    for j in range(blocks * FEATURE.block):
+    for j in range(blocks * BLOCK):
         value, total_value = rk4_stage(base[j], rate[j], base[j], derivative_dt, total_dt)
         out[j] = value
         total[j] = total_value
@@ -42,7 +42,7 @@ def first_stage(blocks, base, rate, derivative_dt, total_dt, total, out):
 
 @row_routine
 def middle_stage(blocks, base, rate, derivative_dt, total_dt, total, out):
-    for j in range(blocks * FEATURE.block):
+    for j in range(blocks * BLOCK):
         value, total_value = rk4_stage(base[j], rate[j], total[j], derivative_dt, total_dt)
         out[j] = value
         total[j] = total_value
@@ -50,7 +50,7 @@ def middle_stage(blocks, base, rate, derivative_dt, total_dt, total, out):
 
 @row_routine
 def last_stage(blocks, total, rate, total_dt, out):
-    for j in range(blocks * FEATURE.block):
+    for j in range(blocks * BLOCK):
         _, value = rk4_stage(0.0, rate[j], total[j], 0.0, total_dt)
         out[j] = value
 
@@ -71,7 +71,7 @@ def update(stage, blocks, base, rate, parameters, total, out):
 
 @row_routine
 def damp(blocks, velocity, parameters, out):
-    for j in range(blocks * FEATURE.block):
+    for j in range(blocks * BLOCK):
         out[j] = damped(out[j], velocity[j], parameters.damping)
 
 
@@ -86,7 +86,7 @@ def stage_band(band, stage, step, states, sheet, scratches):
     source, target = row_at(states, SOURCE[stage] * size), row_at(states, TARGET[stage] * size)
     above = scratches[band]
     sums = row_at(above, ABOVE_ROWS * width)
-    blocks = (columns + FEATURE.block - 1) // FEATURE.block
+    blocks = (columns + BLOCK - 1) // BLOCK
     begin_walk(first, blocks, source, first * stride, stride, plane, parameters, above, width)
     for i in range(first, last):
         here = i * stride

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from softlab.cpu_backend.core.layout import row_at
+from softlab.cpu_backend.core.layout import BLOCK, row_at
 from softlab.cpu_backend.mass_spring.grid.rows import (
     CLOSE_X,
     CLOSE_Y,
@@ -77,7 +77,7 @@ def whole_row(
     blocks, x, y, vx, vy, x_below, y_below, left_x, left_y, above_x, above_y, parameters, new_x, new_y, new_vx, new_vy
 ):  # fmt: skip
     stiffness, stiffness_rest = parameters.stiffness, parameters.stiffness_rest
-    for j in range(blocks * FEATURE.block):
+    for j in range(blocks * BLOCK):
         ax, ay = 0.0, 0.0
         if FEATURE.springs:
             right_x, right_y = spring_acceleration_2d(x[j + 1] - x[j], y[j + 1] - y[j], stiffness, stiffness_rest)
@@ -125,7 +125,7 @@ def in_one_loop(kind, step, i, column, blocks, old, new, left, walk, sheet):
 
 @row_routine
 def finish_row(blocks, position, velocity, closing, opening, parameters, new_position, new_velocity):
-    for j in range(blocks * FEATURE.block):
+    for j in range(blocks * BLOCK):
         p, v = finish(position[j], velocity[j], closing[j], opening[j], parameters)
         new_position[j] = p
         new_velocity[j] = v

@@ -16,7 +16,7 @@ from collections.abc import Callable
 import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
-from softlab.cpu_backend.core.layout import L_COLUMNS, block_of, row_at
+from softlab.cpu_backend.core.layout import BLOCK, L_COLUMNS, row_at
 from softlab.cpu_backend.core.own_forces import make_particle_force_row
 from softlab.model.base.types import Real
 from softlab.model.base.variant import FEATURE, Open, filled, routine, row_routine
@@ -41,7 +41,7 @@ def sheet_kernel(compiler: Compiler, kernel: Callable, real: Real, integrator: s
     names = {
         "add_particle_force": make_particle_force_row(compiler, real, 2, parts), "one_force": step_formula(integrator)
     }  # fmt: skip
-    features = {**sheet_features(integrator, parts), "block": block_of(real)}
+    features = sheet_features(integrator, parts)
     return compiler.variant_of(real, features).copied(filled(kernel, names))
 
 
@@ -72,7 +72,7 @@ def pull_from_below(i, blocks, x, y, x_below, y_below, parameters, out_x, out_y)
     """Write the spring forces on the masses of row `i` from the row below. The row below gets the same forces with the
     opposite sign."""
     stiffness, rest = spring_constants(i, parameters)
-    for j in range(blocks * FEATURE.block):
+    for j in range(blocks * BLOCK):
         pull_x, pull_y = spring_acceleration_2d(x_below[j] - x[j], y_below[j] - y[j], stiffness, rest)
         out_x[j] = pull_x
         out_y[j] = pull_y
@@ -100,7 +100,7 @@ def sum_row(i, blocks, x, y, x_below, y_below, left_x, left_y, above_x, above_y,
     soft, soft_rest = spring_constants(0, parameters)
     stiff, stiff_rest = spring_constants(1, parameters)
     down, down_rest = spring_constants(i, parameters)
-    for j in range(blocks * FEATURE.block):
+    for j in range(blocks * BLOCK):
         ax, ay = 0.0, 0.0
         if FEATURE.springs:
             odd = FEATURE.alternating and j & 1
@@ -128,7 +128,7 @@ def begin_walk(i, blocks, source, here, stride, plane, parameters, above, width)
             )  # fmt: skip
             pull_from_below(i - 1, blocks, *both, parameters, above_x, above_y)
         else:
-            for j in range(blocks * FEATURE.block):
+            for j in range(blocks * BLOCK):
                 above_x[j] = 0.0
                 above_y[j] = 0.0
 
@@ -137,7 +137,7 @@ def begin_walk(i, blocks, source, here, stride, plane, parameters, above, width)
 def add_later_parts(i, column, blocks, layout, parameters, integers, step, sums, width):
     """Add the forces on single particles to the sums of row `i` from `column` on."""
     columns = layout[L_COLUMNS]
-    count = min(blocks * FEATURE.block, columns - column)
+    count = min(blocks * BLOCK, columns - column)
     close_x, close_y = row_at(sums, CLOSE_X * width), row_at(sums, CLOSE_Y * width)
     open_x, open_y = row_at(sums, OPEN_X * width), row_at(sums, OPEN_Y * width)
     if FEATURE.changing and FEATURE.verlet:
@@ -155,7 +155,7 @@ def apply_pins(i, column, blocks, source, here, source_plane, target, there, tar
     """Put pinned masses of row `i` where `source` has them, at rest."""
     for k in range(sheet.pin_start[i], sheet.pin_start[i + 1]):
         j = sheet.pin_column[k] - column
-        if j >= 0 and j < blocks * FEATURE.block:
+        if j >= 0 and j < blocks * BLOCK:
             for axis in range(2):
                 target[there + axis * target_plane + j] = source[here + axis * source_plane + j]
                 target[there + (2 + axis) * target_plane + j] = 0.0
@@ -164,17 +164,17 @@ def apply_pins(i, column, blocks, source, here, source_plane, target, there, tar
 @row_routine
 def ghosts_of(x, y, last_x, last_y, spare):
     """Set the last `spare` columns of a block to the position of the mass before them."""
-    for j in range(FEATURE.block):
-        x[j] = last_x if j >= FEATURE.block - spare else x[j]
-        y[j] = last_y if j >= FEATURE.block - spare else y[j]
+    for j in range(BLOCK):
+        x[j] = last_x if j >= BLOCK - spare else x[j]
+        y[j] = last_y if j >= BLOCK - spare else y[j]
 
 
 @routine
 def place_ghosts(column, blocks, layout, target, there, target_plane):
     """Set the ghosts to the row's last mass, if the written part ends at the grid's edge."""
     first = layout[L_COLUMNS] - column
-    if FEATURE.springs and first <= blocks * FEATURE.block:
-        spare = FEATURE.block - first % FEATURE.block
-        start = there + first + spare - FEATURE.block
+    if FEATURE.springs and first <= blocks * BLOCK:
+        spare = BLOCK - first % BLOCK
+        start = there + first + spare - BLOCK
         last_x, last_y = row_at(target, there + first - 1)[0], row_at(target, there + target_plane + first - 1)[0]
         ghosts_of(row_at(target, start), row_at(target, start + target_plane), last_x, last_y, spare)

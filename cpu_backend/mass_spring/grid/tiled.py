@@ -16,13 +16,13 @@ from functools import cache
 import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
-from softlab.cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, PLANES, block_of, row_at
+from softlab.cpu_backend.core.layout import BLOCK, L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, PLANES, block_of, row_at
 from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.mass_spring.grid.kernels import ABOVE_ROWS
 from softlab.cpu_backend.mass_spring.grid.row_step import pass_kind, step_row
 from softlab.cpu_backend.mass_spring.grid.rows import SUM_ROWS, begin_walk, sheet_kernel, variant_name
 from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, routine
+from softlab.model.base.variant import routine
 
 RING = 2 * PLANES  # rows of a level's ring: two, of four planes
 LEVEL_ROWS = RING + ABOVE_ROWS
@@ -52,9 +52,9 @@ def walk_tile(first, last, start, tiling, buffer, first_pass, passes, source, ta
     levels = min(tiling.levels, passes.number - first_pass)
     rows, columns, stride, plane = layout[L_ROWS], layout[L_COLUMNS], layout[L_STRIDE], layout[L_PLANE]
     left = max(start - halo, 0)
-    all_blocks = (min(start + tile + halo, columns) - left + FEATURE.block - 1) // FEATURE.block
-    last_blocks = (min(start + tile, columns) - start + FEATURE.block - 1) // FEATURE.block
-    sums = row_at(buffer, levels * LEVEL_ROWS * width + FEATURE.block)
+    all_blocks = (min(start + tile + halo, columns) - left + BLOCK - 1) // BLOCK
+    last_blocks = (min(start + tile, columns) - start + BLOCK - 1) // BLOCK
+    sums = row_at(buffer, levels * LEVEL_ROWS * width + BLOCK)
     for front in range(max(first - levels, 0), last + levels - 1):  # the row of level 1
         for level in range(1, levels + 1):
             i, more = front - (level - 1), levels - level
@@ -64,7 +64,7 @@ def walk_tile(first, last, start, tiling, buffer, first_pass, passes, source, ta
             column, blocks = left, all_blocks
             if level == levels:
                 column, blocks = start, last_blocks
-            ring = (level - 1) * LEVEL_ROWS * width + FEATURE.block  # of the level before
+            ring = (level - 1) * LEVEL_ROWS * width + BLOCK  # of the level before
             above = row_at(buffer, ring + RING * width)
             if level == 1:
                 level_source, source_plane = source, plane
