@@ -138,7 +138,7 @@ def add_up(i, layout, work, one, other, lanes, out):
 @routine
 def clear(scratch, width):
     """Clear the rows of scratch before a walk begins in the sheet's first rows."""
-    for triple in range(FEATURE.triples):
+    for triple in range(FEATURE.cleared):
         clear_triple(scratch, np.int64(triple), width)
 
 
