@@ -12,69 +12,70 @@ from numba import prange
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.model.base.types import Real
+from softlab.model.base.variant import filled, routine
 from softlab.model.core.integrators import step_formula
 from softlab.model.core.plan import Moment, StageRun
-from softlab.model.formulas import integrators, springs
+from softlab.model.formulas.integrators import one_force, rk4_stage, verlet_first_half, verlet_second_half
+from softlab.model.formulas.springs import damped
+
+
+@routine
+def damping(velocity, record, acceleration):
+    for i in prange(velocity.shape[0]):
+        for j in range(velocity.shape[1]):
+            acceleration[i, j] = damped(acceleration[i, j], velocity[i, j], record[0].damping)
+
+
+@routine
+def integrate(position, velocity, acceleration, record):
+    for i in prange(position.shape[0]):
+        for j in range(position.shape[1]):
+            p, v = one_force(
+                position[i, j], velocity[i, j], acceleration[i, j], record[0].dt, record[0].half_dt_squared
+            )
+            position[i, j] = p
+            velocity[i, j] = v
+
+
+@routine
+def first_kick(position, velocity, acceleration, record):
+    for i in prange(position.shape[0]):
+        for j in range(position.shape[1]):
+            p, v = verlet_first_half(
+                position[i, j], velocity[i, j], acceleration[i, j], record[0].dt, record[0].half_dt,
+                record[0].damping,
+            )  # fmt: skip
+            position[i, j] = p
+            velocity[i, j] = v
+
+
+@routine
+def second_kick(velocity, acceleration, record):
+    for i in prange(velocity.shape[0]):
+        for j in range(velocity.shape[1]):
+            velocity[i, j] = verlet_second_half(
+                velocity[i, j], acceleration[i, j], record[0].half_dt, record[0].inverse_damping
+            )
+
+
+@routine
+def accumulate(stage, base, rate, total, record, out):
+    """Do one stage of RK4 for one unknown of every mass; the fourth writes the new state to `out`."""
+    derivative_dt = record[0].dt if stage == 3 else record[0].half_dt
+    total_dt = record[0].sixth_dt if stage == 1 or stage == 4 else record[0].third_dt
+    for i in prange(base.shape[0]):
+        for j in range(base.shape[1]):
+            before = base[i, j] if stage == 1 else total[i, j]
+            value, summed = rk4_stage(base[i, j], rate[i, j], before, derivative_dt, total_dt)
+            total[i, j] = summed
+            out[i, j] = summed if stage == 4 else value
 
 
 def make_motion_stages(compiler: Compiler, real: Real, integrator: str, has_damping: bool = True) -> SimpleNamespace:
-    """Make the kernels of damping and of an integrator."""
-    kernel, damped = compiler.kernel, compiler.formulas(springs, real).damped
-    formulas = compiler.formulas(integrators, real, {"damped": has_damping})
-    first_half, second_half, rk4_stage = formulas.verlet_first_half, formulas.verlet_second_half, formulas.rk4_stage
-    one_force = formulas.variant(step_formula(integrator))
-
-    @kernel
-    def damping(velocity, record, acceleration):
-        for i in prange(velocity.shape[0]):
-            for j in range(velocity.shape[1]):
-                acceleration[i, j] = damped(acceleration[i, j], velocity[i, j], record[0].damping)
-
-    @kernel
-    def integrate(position, velocity, acceleration, record):
-        for i in prange(position.shape[0]):
-            for j in range(position.shape[1]):
-                p, v = one_force(
-                    position[i, j], velocity[i, j], acceleration[i, j], record[0].dt, record[0].half_dt_squared
-                )
-                position[i, j] = p
-                velocity[i, j] = v
-
-    @kernel
-    def first_kick(position, velocity, acceleration, record):
-        for i in prange(position.shape[0]):
-            for j in range(position.shape[1]):
-                p, v = first_half(
-                    position[i, j], velocity[i, j], acceleration[i, j], record[0].dt, record[0].half_dt,
-                    record[0].damping,
-                )  # fmt: skip
-                position[i, j] = p
-                velocity[i, j] = v
-
-    @kernel
-    def second_kick(velocity, acceleration, record):
-        for i in prange(velocity.shape[0]):
-            for j in range(velocity.shape[1]):
-                velocity[i, j] = second_half(
-                    velocity[i, j], acceleration[i, j], record[0].half_dt, record[0].inverse_damping
-                )
-
-    @kernel
-    def accumulate(stage, base, rate, total, record, out):
-        """Do one stage of RK4 for one unknown of every mass; the fourth writes the new state to `out`."""
-        derivative_dt = record[0].dt if stage == 3 else record[0].half_dt
-        total_dt = record[0].sixth_dt if stage == 1 or stage == 4 else record[0].third_dt
-        for i in prange(base.shape[0]):
-            for j in range(base.shape[1]):
-                before = base[i, j] if stage == 1 else total[i, j]
-                value, summed = rk4_stage(base[i, j], rate[i, j], before, derivative_dt, total_dt)
-                total[i, j] = summed
-                out[i, j] = summed if stage == 4 else value
-
-    return SimpleNamespace(
-        damping=damping, integrate=integrate, first_kick=first_kick,
-        second_kick=second_kick, accumulate=accumulate,
-    )  # fmt: skip
+    """Compile the kernels of damping and of an integrator."""
+    variant = compiler.variant_of(real, {"damped": has_damping})
+    kernels = damping, filled(integrate, {"one_force": step_formula(integrator)}), first_kick, second_kick, accumulate
+    return SimpleNamespace(**{kernel.__name__: compiler.kernel(variant.copied(kernel)) for kernel in kernels})
 
 
 def bind_motion(

@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from softlab.gpu_backend.core.compile import inlined
+from softlab.gpu_backend.core.tiling import Tile
+from softlab.model.base.variant import FEATURE, inlined_routine
 
 
-def make_bits_between(math: str, strip: int) -> Any:
-    """Make bits_between(first, end, i): bit r set if first <= i + r < end."""
+def tile_features(tile: Tile) -> dict[str, int]:
+    """Return the features of kernels on a tile."""
+    return {"halo": tile.halo, "strip": tile.strip, "tile_columns": tile.columns, "tile_rows": tile.rows}
 
-    @inlined(math)
-    def bits_between(first, end, i):
-        bits = np.int32(0)
-        for r in range(strip):
-            row = i + np.int32(r)
-            if row >= first and row < end:
-                bits = bits | np.int32(1 << r)
-        return bits
 
-    return bits_between
+@inlined_routine
+def bits_between(first, end, i):
+    """Return the bits r with first <= i + r < end."""
+    bits = np.int32(0)
+    for r in range(FEATURE.strip):
+        row = i + np.int32(r)
+        if row >= first and row < end:
+            bits = bits | np.int32(1 << r)
+    return bits

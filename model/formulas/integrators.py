@@ -9,7 +9,11 @@ the hand-out's, the one called `taylor` the compute-shader cloth's.
 
 from __future__ import annotations
 
-from softlab.model.base.variant import FEATURE, formula
+from softlab.model.base.variant import FEATURE, Open, formula
+
+one_force = Open(
+    "one_force(position, velocity, acceleration, dt, half_dt_squared): a step after one evaluation of forces"
+)
 
 
 @formula

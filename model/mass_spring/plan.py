@@ -4,12 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+from typing import Any
 
+from softlab.model.base.variant import features_of
 from softlab.model.contact.sheet_plan import WIND, Stages, particle_force_stages, present_parts
 from softlab.model.core.integrators import INTEGRATORS
+from softlab.model.core.own_forces import particle_forces, particle_forces_change
 from softlab.model.core.plan import Node, Plan, Stage
 from softlab.model.formulas import springs
 from softlab.model.scene.scene import Scene
+
+
+def sheet_features(integrator: str, parts: frozenset[str]) -> dict[str, Any]:
+    """Return the features of the kernels of a sheet's `parts`."""
+    return {
+        **features_of(parts), "changing": particle_forces_change(parts), "damped": "damping" in parts,
+        "forced": bool(particle_forces(parts)), "verlet": integrator == "velocity-verlet",
+    }  # fmt: skip
 
 
 def force_stages(parts: frozenset[str], pulls: Stage | None, axes: int, offset: float) -> Stages:

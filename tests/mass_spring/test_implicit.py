@@ -180,12 +180,12 @@ def test_float32_stops_at_rounding_and_follows_float64() -> None:
 def test_sums_over_masses_are_taken_in_their_order() -> None:
     """By loops of Python: LANES running sums of a segment, TREE of all segments, each added up in halves."""
     from softlab.cpu_backend.core.compile import Compiler
-    from softlab.cpu_backend.mass_spring.cloth.sums import make_sums_over_masses
+    from softlab.cpu_backend.mass_spring.cloth import sums
     from softlab.model.mass_spring.implicit_parameters import LANES, SEGMENT, TREE
 
     compiler = Compiler("test_sums", "exact")
-    sums = make_sums_over_masses(compiler, np.float32)
-    segment_sums, total = sums.segment_sums, sums.total
+    variant = compiler.variant_of(np.float32)
+    segment_sums, total = variant(sums.segment_sums), variant(sums.total)
 
     @compiler.kernel
     def run(columns, vectors, lanes, parts, tree):

@@ -20,10 +20,10 @@ import pytest
 from kernel_text import record_of
 from numba import types
 
-import softlab.cpu_backend.mass_spring.grid.rows as cpu_rows
 import softlab.cpu_backend.mass_spring.grid.solver as cpu_mass_spring
 from softlab.app.driver import open_simulation
 from softlab.cpu_backend.mass_spring.arrays import Passes, Sheet
+from softlab.cpu_backend.mass_spring.grid import row_step
 from softlab.cpu_backend.mass_spring.grid.kernels import make_advance
 from softlab.model.base.variant import formula
 from softlab.model.core import own_forces
@@ -186,7 +186,7 @@ def test_the_cpu_has_no_instruction_of_an_absent_part(
     if precision == "float32":  # the check sees what it looks for
         assert holds_generator(whole(fresh(real, "fast", integrator, PLAIN | {"external"})))
 
-    monkeypatch.setattr(cpu_rows.springs, "damped", never_known)
+    monkeypatch.setattr(row_step, "damped", never_known)
     monkeypatch.setattr(own_forces, "add_external", never_known)
     monkeypatch.setattr(own_forces, "philox", never_known)
     unknowing = fresh(real, "fast", integrator, PLAIN, tag="unknowing")

@@ -10,7 +10,6 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Iterator
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -18,6 +17,7 @@ import pytest
 from kernel_text import kernel_text
 from ptx_rows import PASS, tile_row
 
+from softlab.model.base.variant import formula
 from softlab.model.core import own_forces
 from softlab.model.core.parameters import PARAMETERS
 
@@ -146,7 +146,8 @@ def test_the_stages_of_rk4_drop_damping_and_random_force(real: Any) -> None:
             assert (MULTIPLIERS[0] in text) == ("external" in parts)
 
 
-def never_known(*_: Any) -> Any:
+@formula
+def never_known(*_):
     """In place of a formula: nothing that numba could compile."""
     raise AssertionError("the formula of an absent part was called")
 
@@ -154,26 +155,18 @@ def never_known(*_: Any) -> Any:
 @pytest.fixture
 def unknowing(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """The formulas of damping and random force cannot be compiled."""
-    from softlab.gpu_backend.core import forces
+    from softlab.gpu_backend.core import forces, formulas
     from softlab.gpu_backend.mass_spring.grid import point
 
-    made = (point.make_point_functions, point.make_moves, forces.make_particle_force)
-    compile_formulas = point.device_formulas
-
-    def formulas(module: Any, real: Any, math: str, features: Any = None) -> Any:
-        if module is point.springs:
-            pull = compile_formulas(module, real, math).spring_acceleration_2d
-            return SimpleNamespace(spring_acceleration_2d=pull, damped=never_known)
-        return compile_formulas(module, real, math, features)
-
-    monkeypatch.setattr(point, "device_formulas", formulas)
+    compiled = forces.make_particle_force, point.open_functions, formulas._variant
+    monkeypatch.setattr(point, "damped", never_known)
     monkeypatch.setattr(own_forces, "add_external", never_known)
     monkeypatch.setattr(own_forces, "philox", never_known)
-    for factory in made:
-        factory.cache_clear()
+    for memory in compiled:
+        memory.cache_clear()
     yield
-    for factory in made:
-        factory.cache_clear()
+    for memory in compiled:
+        memory.cache_clear()
 
 
 @pytest.mark.parametrize("real", REALS)

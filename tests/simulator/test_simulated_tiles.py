@@ -19,8 +19,10 @@ import softlab.gpu_backend.mass_spring.cloth.launch as cloth_launch
 import softlab.gpu_backend.mass_spring.grid.tile_launch as tile_launch
 import softlab.gpu_backend.tetrahedra.resident_launch as resident_launch
 from softlab.app.driver import open_simulation
+from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.tiling import owned, parsed_tile, tile_count
-from softlab.gpu_backend.mass_spring.grid.tiles import make_tile_parts
+from softlab.gpu_backend.mass_spring.grid.tiles import axis
+from softlab.gpu_backend.mass_spring.tile_bits import tile_features
 from softlab.model.base.errors import SceneError
 from softlab.model.core.simulation import State
 from softlab.model.scene.scene import load_scene
@@ -60,11 +62,11 @@ def test_every_mass_is_owned_by_one_tile(tile: str) -> None:
     """Blocks run one after another here, so that one which writes what another owns is set right by the next: what each
     owns is looked at by itself, along an axis of any length, against the host's plan."""
     shape = parsed_tile(tile)
-    axis = make_tile_parts(np.float64, "exact", "lab", frozenset({"springs"}), shape, True).axis
+    plan = device_variant(np.float64, "exact", tile_features(shape))(axis)
     for masses in range(1, 40):
         for size in (shape.rows, shape.columns):
             count = tile_count(masses, size, shape.halo)
-            found = [tuple(map(int, axis(np.int32(k), count, masses, size))) for k in range(count)]
+            found = [tuple(map(int, plan(np.int32(k), count, masses, size))) for k in range(count)]
             assert found == [owned(k, count, masses, size, shape.halo) for k in range(count)]
             ends = [(first, end) for _, first, end in found]
             assert [first for first, _ in ends] == [0, *(end for _, end in ends[:-1])] and ends[-1][1] == masses

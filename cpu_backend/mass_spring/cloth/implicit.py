@@ -13,16 +13,57 @@ from typing import Any
 import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
-from softlab.cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_ROWS, aligned_zeros, block_of, row_at
+from softlab.cpu_backend.core.layout import BLOCK, L_COLUMNS, L_PLANE, L_ROWS, aligned_zeros, row_at
 from softlab.cpu_backend.core.progress import assigned
-from softlab.cpu_backend.core.scratch import AXES, SPAN, cloth_variant, triples_of
+from softlab.cpu_backend.core.scratch import AXES, SPAN, cloth_variant
 from softlab.cpu_backend.mass_spring.arrays import ImplicitArrays
-from softlab.cpu_backend.mass_spring.cloth.implicit_rows import AR, WORK_PLANES, R, S, U, X, make_row_passes
-from softlab.cpu_backend.mass_spring.cloth.kernels import PLANES
-from softlab.cpu_backend.mass_spring.cloth.sums import make_sums_over_masses
+from softlab.cpu_backend.mass_spring.cloth.implicit_rows import (
+    AR,
+    WORK_PLANES,
+    R,
+    S,
+    U,
+    X,
+    add_up,
+    clear,
+    finish_row,
+    leave_row,
+    move_row,
+    product_row,
+    pull_end,
+    pull_matrix,
+    residual_row,
+    spring_parts,
+    start_row,
+    sum_elsewhere,
+    system_functions,
+    update_row,
+    walk_elsewhere,
+)
+from softlab.cpu_backend.mass_spring.cloth.kernels import PLANES, settle
+from softlab.cpu_backend.mass_spring.cloth.rows import air_now, cloth_features
+from softlab.cpu_backend.mass_spring.cloth.sums import total
 from softlab.model.base.types import Real
-from softlab.model.formulas import cloth, implicit
-from softlab.model.formulas.implicit import FINISH, MOVE, PRODUCT, RESIDUAL, RETREAT, START, UPDATE
+from softlab.model.base.variant import FEATURE, filled, routine
+from softlab.model.formulas import implicit
+from softlab.model.formulas.cloth import instant
+from softlab.model.formulas.implicit import (
+    FINISH,
+    HALVINGS,
+    ITERATIONS,
+    MATRICES,
+    MOVE,
+    PRODUCT,
+    RESIDUAL,
+    RETREAT,
+    START,
+    STEPS,
+    UPDATE,
+    Counts,
+    Values,
+    after_product,
+    after_residual,
+)
 from softlab.model.mass_spring.implicit_parameters import (
     LANES,
     SEGMENT,
@@ -42,6 +83,7 @@ def control_type(real: Real) -> np.dtype:
     return np.dtype((np.record, np.dtype([*integers, *numbers], align=True)))
 
 
+@routine
 def factors_of(kind: int) -> int:
     """Return the number of dot products that a pass sums up."""
     if kind == RESIDUAL:
@@ -49,6 +91,7 @@ def factors_of(kind: int) -> int:
     return 2 if kind == PRODUCT else 0
 
 
+@routine
 def factors(kind: int, n: int) -> tuple[int, int]:
     """Return (first plane of one vector, of the other) of the n-th dot product, in the formulas' order."""
     if kind == PRODUCT:
@@ -58,71 +101,101 @@ def factors(kind: int, n: int) -> tuple[int, int]:
     return (R, S) if n == 1 else (U, U)
 
 
-def make_pass_band(compiler: Compiler, real: Real, parts: frozenset[str]) -> Callable:
-    """Make pass_band(c, band, step, source, target, sheet, system, arrays): one pass on a band's rows; `c`: the record of
-    control_type; `arrays`: ImplicitArrays."""
-    rows_of = make_row_passes(compiler, real, parts)
-    elsewhere, clear, pull_end, pull_matrix = rows_of.elsewhere, rows_of.clear, rows_of.pull_end, rows_of.pull_matrix
-    walk_else, sum_else, air_now = elsewhere.begin_walk, elsewhere.sum_forces, elsewhere.air_now
-    start_row, leave_row, residual_row = rows_of.start_row, rows_of.leave_row, rows_of.residual_row
-    product_row, update_row, move_row, finish_row = (
-        rows_of.product_row, rows_of.update_row, rows_of.move_row, rows_of.finish_row,
-    )  # fmt: skip
-    settle, add_up = rows_of.settle, rows_of.add_up
-    sums_of, factors_at = compiler.compiled(factors_of), compiler.compiled(factors)
-    instant = compiler.formulas(cloth, real).instant
-    has_wind, has_motion = "wind" in parts, "motion" in parts
-    triples, block, zero = triples_of(parts)["count"], block_of(real), real(0)
-
-    @compiler.compiled
-    def pass_band(c, band, step, source, target, sheet, system, arrays):
-        layout, parameters, integers, kind = sheet.layout, sheet.parameters, sheet.integers, c.next
-        work, scratches, sums = arrays.work, arrays.scratches, arrays.sums
-        rows, columns, plane = layout[L_ROWS], layout[L_COLUMNS], layout[L_PLANE]
-        bands, width = np.int64(scratches.shape[0]), np.int64(scratches.shape[1]) // (AXES * triples)
-        first, last = rows * band // bands, rows * (band + 1) // bands
-        scratch, running = scratches[band], arrays.lanes[band]
-        blocks, segments = (columns + block - 1) // block, (columns + SEGMENT - 1) // SEGMENT
-        count, end, air = rows * segments, zero, (zero, zero, zero)
-        if has_motion:
-            end = instant(step + 1, parameters.dt, parameters.first_step, parameters.first_time)
+@routine
+def pass_band(c, band, step, source, target, sheet, system, arrays):
+    """Do one pass on a band's rows; `c`: the record of control_type; `arrays`: ImplicitArrays."""
+    layout, parameters, integers, kind = sheet.layout, sheet.parameters, sheet.integers, c.next
+    work, scratches, sums = arrays.work, arrays.scratches, arrays.sums
+    rows, columns, plane = layout[L_ROWS], layout[L_COLUMNS], layout[L_PLANE]
+    bands, width = np.int64(scratches.shape[0]), np.int64(scratches.shape[1]) // (AXES * FEATURE.triples)
+    first, last = rows * band // bands, rows * (band + 1) // bands
+    scratch, running = scratches[band], arrays.lanes[band]
+    blocks, segments = (columns + BLOCK - 1) // BLOCK, (columns + SEGMENT - 1) // SEGMENT
+    count, end, air = rows * segments, 0.0, (0.0, 0.0, 0.0)
+    if FEATURE.motion:
+        end = instant(step + 1, parameters.dt, parameters.first_step, parameters.first_time)
+    if kind == START:
+        if FEATURE.wind:
+            air = air_now(parameters, integers, step, 0.0)
+        walk_elsewhere(first, blocks, layout, source, parameters, air, scratch, width)
+    springs = kind in (RESIDUAL, PRODUCT)
+    if springs and first < SPAN:
+        clear(scratch, width)
+    for i in range(max(first - SPAN, 0) if springs else first, last):
+        if kind == RESIDUAL:  # also the springs that lead down from the two rows above the first one
+            pull_end(i, i >= first, blocks, layout, work, parameters, scratch, width)
+        elif kind == PRODUCT:
+            pull_matrix(i, i >= first, blocks, layout, row_at(work, X * plane), system, scratch, width)
+        if i < first:
+            continue
         if kind == START:
-            if has_wind:
-                air = air_now(parameters, integers, step, zero)
-            walk_else(first, blocks, layout, source, parameters, air, scratch, width)
-        springs = kind in (RESIDUAL, PRODUCT)
-        if springs and first < SPAN:
-            clear(scratch, width)
-        for i in range(max(first - SPAN, 0) if springs else first, last):
-            if kind == RESIDUAL:  # also the springs that lead down from the two rows above the first one
-                pull_end(i, i >= first, blocks, layout, work, parameters, scratch, width)
-            elif kind == PRODUCT:
-                pull_matrix(i, i >= first, blocks, layout, row_at(work, X * plane), system, scratch, width)
-            if i < first:
-                continue
-            if kind == START:
-                sum_else(i, step, step, blocks, source, sheet, air, scratch, width)
-                start_row(i, blocks, layout, source, work, parameters, scratch, width)
-            elif kind == RESIDUAL:
-                residual_row(i, blocks, work, sheet, system, scratch, width)
-            elif kind == PRODUCT:
-                product_row(i, blocks, work, sheet, system, scratch, width)
-            elif kind == UPDATE:
-                update_row(i, c.iterations == 1, blocks, layout, work, c.alpha, c.beta)
-            elif kind in (MOVE, RETREAT):
-                move_row(i, kind == RETREAT, blocks, layout, source, work, parameters)
-            else:
-                finish_row(i, step, blocks, layout, source, work, target, parameters, sheet.bodies, sheet.kinds)
-            for n in range(sums_of(kind)):
-                one, other = factors_at(kind, n)
-                add_up(i, layout, work, one, other, running, row_at(sums, n * count + i * segments))
-            if kind in (START, MOVE, RETREAT, FINISH):
-                into = target if kind == FINISH else row_at(work, X * plane)
-                settle(i, blocks, source, into, end, sheet)
-            if kind == START:
-                leave_row(i, blocks, layout, work, parameters)
+            sum_elsewhere(i, step, step, blocks, source, sheet, air, scratch, width)
+            start_row(i, blocks, layout, source, work, parameters, scratch, width)
+        elif kind == RESIDUAL:
+            residual_row(i, blocks, work, sheet, system, scratch, width)
+        elif kind == PRODUCT:
+            product_row(i, blocks, work, sheet, system, scratch, width)
+        elif kind == UPDATE:
+            update_row(i, c.iterations == 1, blocks, layout, work, c.alpha, c.beta)
+        elif kind in (MOVE, RETREAT):
+            move_row(i, kind == RETREAT, blocks, layout, source, work, parameters)
+        else:
+            finish_row(i, step, blocks, layout, source, work, target, parameters, sheet.bodies, sheet.kinds)
+        for n in range(factors_of(kind)):
+            one, other = factors(kind, n)
+            add_up(i, layout, work, one, other, running, row_at(sums, n * count + i * segments))
+        if kind in (START, MOVE, RETREAT, FINISH):
+            into = target if kind == FINISH else row_at(work, X * plane)
+            settle(i, blocks, source, into, end, sheet)
+        if kind == START:
+            leave_row(i, blocks, layout, work, parameters)
 
-    return pass_band
+
+@routine
+def go_on(c, count, system, sums, tree, done):
+    """Choose the next pass from the sums of the last one. `c`: the record of control_type."""
+    kind, later = c.next, RESIDUAL
+    counts = Counts(c.matrices, c.halvings, c.iterations)
+    values = Values(c.first, c.before, c.limit, c.slope, c.squared, c.alpha, c.beta)
+    if kind == RESIDUAL:
+        residual_sums = (
+            total(sums, count, tree), total(row_at(sums, count), count, tree),
+            total(row_at(sums, 2 * count), count, tree),
+        )  # fmt: skip
+        later, counts, values = after_residual(counts, values, residual_sums, system.speed_squared, system.roundoff)
+        done[HALVINGS] += later == RETREAT
+    elif kind == PRODUCT:
+        squared, curvature = total(sums, count, tree), total(row_at(sums, count), count, tree)
+        later, counts, values = after_product(counts, values, squared, curvature)
+        done[ITERATIONS] += later == UPDATE
+        done[MATRICES] += later != UPDATE
+    elif kind == UPDATE:
+        later = PRODUCT
+    elif kind == MOVE and FEATURE.linear:
+        later = FINISH
+    elif kind == FINISH:
+        later, counts = START, Counts(np.int64(0), np.int64(0), np.int64(0))
+        values = Values(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        done[STEPS] += 1
+        c.steps += 1
+    c.next = later
+    c.matrices, c.halvings, c.iterations = counts
+    c.first, c.before, c.limit, c.slope, c.squared, c.alpha, c.beta = values
+
+
+@routine
+def advance(team, member, bands, steps, step, states, current, sheet, system, arrays):
+    layout, control = sheet.layout, arrays.control
+    size = PLANES * layout[L_PLANE]
+    count = layout[L_ROWS] * ((layout[L_COLUMNS] + SEGMENT - 1) // SEGMENT)
+    while control[0].steps < steps:  # it only grows: a late member sees that all is done
+        for band in assigned(team, member, bands):
+            c = control[0]
+            now = (current + c.steps) % 2
+            source, target = row_at(states, now * size), row_at(states, (1 - now) * size)
+            pass_band(c, band, step + c.steps, source, target, sheet, system, arrays)
+        for _ in assigned(team, member, 1):
+            go_on(control[0], count, system, arrays.sums, arrays.tree, arrays.done)
 
 
 @cache
@@ -134,56 +207,13 @@ def make_cloth_implicit(real: Real, math: str, linear: bool, parts: frozenset[st
     step ends after its first matrix.
     """
     compiler = Compiler(cloth_variant(f"implicit_{'once' if linear else 'newton'}", real, math, parts), math)
-    pass_band, total = make_pass_band(compiler, real, parts), make_sums_over_masses(compiler, real).total
-    control = compiler.formulas(implicit, real, {"linear": linear})
-    after_residual, after_product = control.after_residual, control.after_product
-    zero, none = real(0), np.int64(0)
-
-    @compiler.compiled
-    def go_on(c, count, system, sums, tree, done):
-        """Choose the next pass from the sums of the last one. `c`: the record of control_type."""
-        kind, later = c.next, RESIDUAL
-        counts = implicit.Counts(c.matrices, c.halvings, c.iterations)
-        values = implicit.Values(c.first, c.before, c.limit, c.slope, c.squared, c.alpha, c.beta)
-        if kind == RESIDUAL:
-            residual_sums = (
-                total(sums, count, tree), total(row_at(sums, count), count, tree),
-                total(row_at(sums, 2 * count), count, tree),
-            )  # fmt: skip
-            later, counts, values = after_residual(counts, values, residual_sums, system.speed_squared, system.roundoff)
-            done[implicit.HALVINGS] += later == RETREAT
-        elif kind == PRODUCT:
-            squared, curvature = total(sums, count, tree), total(row_at(sums, count), count, tree)
-            later, counts, values = after_product(counts, values, squared, curvature)
-            done[implicit.ITERATIONS] += later == UPDATE
-            done[implicit.MATRICES] += later != UPDATE
-        elif kind == UPDATE:
-            later = PRODUCT
-        elif kind == MOVE and linear:
-            later = FINISH
-        elif kind == FINISH:
-            later, counts = START, implicit.Counts(none, none, none)
-            values = implicit.Values(zero, zero, zero, zero, zero, zero, zero)
-            done[implicit.STEPS] += 1
-            c.steps += 1
-        c.next = later
-        c.matrices, c.halvings, c.iterations = counts
-        c.first, c.before, c.limit, c.slope, c.squared, c.alpha, c.beta = values
-
-    def advance(team, member, bands, steps, step, states, current, sheet, system, arrays):
-        layout, control = sheet.layout, arrays.control
-        size = PLANES * layout[L_PLANE]
-        count = layout[L_ROWS] * ((layout[L_COLUMNS] + SEGMENT - 1) // SEGMENT)
-        while control[0].steps < steps:  # it only grows: a late member sees that all is done
-            for band in assigned(team, member, bands):
-                c = control[0]
-                now = (current + c.steps) % 2
-                source, target = row_at(states, now * size), row_at(states, (1 - now) * size)
-                pass_band(c, band, step + c.steps, source, target, sheet, system, arrays)
-            for _ in assigned(team, member, 1):
-                go_on(control[0], count, system, arrays.sums, arrays.tree, arrays.done)
-
-    return compiler.team(advance)
+    springs = cloth_features(real, "implicit-euler", spring_parts(parts))
+    features = {
+        **cloth_features(real, "implicit-euler", parts), "at_close": springs["at_close"], "cleared": springs["cleared"],
+        "linear": linear,
+    }  # fmt: skip
+    kernel = filled(advance, system_functions(compiler, real, parts))
+    return compiler.team(compiler.variant_of(real, features).copied(kernel))
 
 
 class ImplicitSteps:

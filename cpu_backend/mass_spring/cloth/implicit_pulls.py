@@ -5,67 +5,57 @@ Both read a vector at each position, and a second vector that belongs to it, six
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
-from softlab.cpu_backend.core.compile import Compiler
-from softlab.cpu_backend.core.layout import block_of, row_at
+from softlab.cpu_backend.core.layout import BLOCK, row_at
 from softlab.cpu_backend.core.scratch import AXES
-from softlab.model.base.types import Real
-from softlab.model.contact.cloth_parameters import spring_constants
-from softlab.model.formulas import implicit
+from softlab.cpu_backend.mass_spring.cloth.rows import k_damping, k_rest, k_stiffness, pulls_of, row_start
+from softlab.model.base.variant import Open, filled, routine, row_routine
+from softlab.model.formulas.implicit import end_pull_3d, product_3d
 
 BESIDE = 2 * AXES  # planes from a vector to the one that belongs to it
+pull_formula = Open("pull_formula(dx, dy, dz, wx, wy, wz, stiffness, rest, damping, dt)")
 
 
-def _make(compiler: Compiler, real: Real, kind: str, place: Any, formula: Callable, name: str) -> Callable:
-    """Make a function like rows.make_accelerations with `formula(d, w, stiffness, rest, damping, dt)`; d and w are
-    differences of the two vectors."""
-    block = block_of(real)
-    k_stiffness, k_rest, k_damping = spring_constants(kind)
-
-    def pull_row(
-        blocks, x, y, z, wx, wy, wz, far_x, far_y, far_z, far_wx, far_wy, far_wz, stiffness, rest, damping, dt, out_x,
-        out_y, out_z,
-    ):  # fmt: skip
-        for j in range(blocks * block):
-            px, py, pz = formula(
-                far_x[j] - x[j], far_y[j] - y[j], far_z[j] - z[j], far_wx[j] - wx[j], far_wy[j] - wy[j],
-                far_wz[j] - wz[j], stiffness, rest, damping, dt,
-            )  # fmt: skip
-            out_x[j] = px
-            out_y[j] = py
-            out_z[j] = pz
-
-    pull_row.__name__ = f"{kind}_{name}_row"
-    pull_row = compiler.row(pull_row)
-
-    def pulls(blocks, source, plane, here, there, parameters, scratch, triple, width):
-        first, far = here + BESIDE * plane, there + BESIDE * plane
-        pull_row(
-            blocks, row_at(source, here), row_at(source, here + plane), row_at(source, here + 2 * plane),
-            row_at(source, first), row_at(source, first + plane), row_at(source, first + 2 * plane),
-            row_at(source, there), row_at(source, there + plane), row_at(source, there + 2 * plane),
-            row_at(source, far), row_at(source, far + plane), row_at(source, far + 2 * plane), parameters[k_stiffness],
-            parameters[k_rest], parameters[k_damping], parameters.dt, row_at(scratch, place(triple, 0, width)),
-            row_at(scratch, place(triple, 1, width)), row_at(scratch, place(triple, 2, width)),
+@row_routine
+def pull_row(
+    blocks, x, y, z, wx, wy, wz, far_x, far_y, far_z, far_wx, far_wy, far_wz, stiffness, rest, damping, dt, out_x,
+    out_y, out_z,
+):  # fmt: skip
+    for j in range(blocks * BLOCK):
+        px, py, pz = pull_formula(
+            far_x[j] - x[j], far_y[j] - y[j], far_z[j] - z[j], far_wx[j] - wx[j], far_wy[j] - wy[j],
+            far_wz[j] - wz[j], stiffness, rest, damping, dt,
         )  # fmt: skip
-
-    pulls.__name__ = f"{kind}_{name}"
-    return compiler.compiled(pulls)
-
-
-def make_end_pulls(compiler: Compiler, real: Real, parts: frozenset[str], kind: str, place: Any) -> Callable:
-    """Make forces at the step's end. First vector: position without the end velocity; second: that velocity."""
-    return _make(compiler, real, kind, place, compiler.formulas(implicit, real).end_pull_3d, "end")
+        out_x[j] = px
+        out_y[j] = py
+        out_z[j] = pz
 
 
-def make_products(compiler: Compiler, real: Real, parts: frozenset[str], kind: str, place: Any) -> Callable:
-    """Make products. First vector: position at the step's end; second: the vector to multiply."""
-    product_3d = compiler.formulas(implicit, real).product_3d
+@routine
+def pulls(blocks, source, plane, here, there, parameters, scratch, triple, width):
+    """Write, as rows.pulls, `pull_formula` of the differences of two vectors."""
+    first, far = here + BESIDE * plane, there + BESIDE * plane
+    pull_row(
+        blocks, row_at(source, here), row_at(source, here + plane), row_at(source, here + 2 * plane),
+        row_at(source, first), row_at(source, first + plane), row_at(source, first + 2 * plane),
+        row_at(source, there), row_at(source, there + plane), row_at(source, there + 2 * plane),
+        row_at(source, far), row_at(source, far + plane), row_at(source, far + 2 * plane), parameters[k_stiffness],
+        parameters[k_rest], parameters[k_damping], parameters.dt, row_at(scratch, row_start(triple, 0, width)),
+        row_at(scratch, row_start(triple, 1, width)), row_at(scratch, row_start(triple, 2, width)),
+    )  # fmt: skip
 
-    @compiler.compiled
-    def product(dx, dy, dz, wx, wy, wz, stiffness, stiffness_rest, damping, dt):
-        return product_3d(dx, dy, dz, wx, wy, wz, stiffness, stiffness_rest, damping)
 
-    return _make(compiler, real, kind, place, product, "product")
+@routine
+def product(dx, dy, dz, wx, wy, wz, stiffness, stiffness_rest, damping, dt):
+    return product_3d(dx, dy, dz, wx, wy, wz, stiffness, stiffness_rest, damping)
+
+
+def end_pulls(parts: frozenset[str]) -> dict[str, Any]:
+    """Return forces at the step's end. First vector: position without the end velocity; second: that velocity."""
+    return pulls_of(parts, filled(pulls, {"pull_formula": end_pull_3d}))
+
+
+def products(parts: frozenset[str]) -> dict[str, Any]:
+    """Return products. First vector: position at the step's end; second: the vector to multiply."""
+    return pulls_of(parts, filled(pulls, {"pull_formula": product}))

@@ -21,39 +21,38 @@ from softlab.cpu_backend.core.own_forces import bind_forces
 from softlab.cpu_backend.core.scratch import cloth_variant
 from softlab.cpu_backend.core.wind import make_wind_stage
 from softlab.cpu_backend.mass_spring.cloth.kernels import PIN_ROWS
+from softlab.cpu_backend.mass_spring.cloth.rows import follow
 from softlab.cpu_backend.mass_spring.cloth.stage_forces import make_spring_stage
 from softlab.cpu_backend.mass_spring.motion_stages import bind_motion, make_motion_stages
 from softlab.model.base.types import Real
+from softlab.model.base.variant import filled, routine
 from softlab.model.contact.cloth_parameters import (
     P_MOTION,
     PIN_FIELDS,
 )
 from softlab.model.core.plan import Moment, StageRun
-from softlab.model.formulas import cloth, motion
+from softlab.model.formulas.cloth import instant
+from softlab.model.formulas.motion import middle
 from softlab.model.tables.cloth import COLLIDER_KINDS, SPRING_KINDS
 
 
+@routine
+def pins(bodies, first, rows, columns, step, halfway, record, state):
+    """Move the pinned masses that follow a motion, to the step's end or half-way through it. `first`: where the rows of
+    pins begin in `bodies`; `rows`, `columns`: of the pinned masses."""
+    x, y, z, vx, vy, vz = state
+    clock = record[0].dt, record[0].first_step, record[0].first_time
+    time = middle(step, *clock) if halfway else instant(step + 1, *clock)
+    for k in prange(rows.size):
+        pin = first + PIN_FIELDS * k
+        if bodies[pin + P_MOTION] >= 0.0:
+            i, j = rows[k], columns[k]
+            x[i, j], y[i, j], z[i, j], vx[i, j], vy[i, j], vz[i, j] = follow(bodies, pin, time)
+
+
 def make_pin_stage(compiler: Compiler, real: Real, parts: frozenset[str]) -> Callable:
-    """Compile pins(bodies, first, rows, columns, step, halfway, parameters, state): it moves the pinned masses that
-    follow a motion, to the step's end or half-way through it.
-
-    `first`: where the rows of pins begin in `bodies`; `rows`, `columns`: of the pinned masses.
-    """
-    follow = make_follow(compiler, real)
-    instant, middle = compiler.formulas(cloth, real).instant, compiler.formulas(motion, real).middle
-    zero = real(0)
-
-    def pins(bodies, first, rows, columns, step, halfway, record, state):
-        x, y, z, vx, vy, vz = state
-        clock = record[0].dt, record[0].first_step, record[0].first_time
-        time = middle(step, *clock) if halfway else instant(step + 1, *clock)
-        for k in prange(rows.size):
-            pin = first + PIN_FIELDS * k
-            if bodies[pin + P_MOTION] >= zero:
-                i, j = rows[k], columns[k]
-                x[i, j], y[i, j], z[i, j], vx[i, j], vy[i, j], vz[i, j] = follow(bodies, pin, time)
-
-    return compiler.kernel(pins)
+    """Compile `pins`."""
+    return compiler.kernel(compiler.variant_of(real).copied(filled(pins, {"follow": make_follow(compiler, real)})))
 
 
 @cache

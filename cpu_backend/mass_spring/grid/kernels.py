@@ -14,14 +14,43 @@ from functools import cache
 import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
-from softlab.cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, PLANES, block_of, row_at
+from softlab.cpu_backend.core.layout import BLOCK, L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, PLANES, row_at
 from softlab.cpu_backend.core.progress import assigned
-from softlab.cpu_backend.mass_spring.grid.row_step import make_row_step, pass_kind
-from softlab.cpu_backend.mass_spring.grid.rows import SUM_ROWS, variant_name
+from softlab.cpu_backend.mass_spring.grid.row_step import pass_kind, step_row
+from softlab.cpu_backend.mass_spring.grid.rows import SUM_ROWS, begin_walk, sheet_kernel, variant_name
 from softlab.model.base.types import Real
+from softlab.model.base.variant import routine
 
 ABOVE_ROWS = 2  # of a walk: pulls along x and y, passed to the next row
 SCRATCH_ROWS = ABOVE_ROWS + SUM_ROWS
+
+
+@routine
+def advance_band(band, kind, step, states, current, sheet, scratches):
+    layout = sheet.layout
+    rows, columns, stride, plane = layout[L_ROWS], layout[L_COLUMNS], layout[L_STRIDE], layout[L_PLANE]
+    bands, width = np.int64(scratches.shape[0]), np.int64(scratches.shape[1]) // SCRATCH_ROWS
+    first, last = rows * band // bands, rows * (band + 1) // bands
+    source, target = row_at(states, current * PLANES * plane), row_at(states, (1 - current) * PLANES * plane)
+    above = scratches[band]
+    sums = row_at(above, ABOVE_ROWS * width)
+    blocks = (columns + BLOCK - 1) // BLOCK
+    begin_walk(first, blocks, source, first * stride, stride, plane, sheet.parameters, above, width)
+    for i in range(first, last):
+        here = i * stride
+        below = here + stride if i < rows - 1 else here
+        step_row(
+            kind, step, i, np.int64(0), blocks, source, here, below, plane, target, here, plane, above, sums, width,
+            sheet,
+        )  # fmt: skip
+
+
+@routine
+def advance(team, member, bands, passes, states, current, sheet, scratches):
+    for k in range(passes.number):
+        kind = pass_kind(k, passes)
+        for band in assigned(team, member, bands):
+            advance_band(np.int64(band), kind, passes.step + k, states, (current + k) % 2, sheet, scratches)
 
 
 @cache
@@ -33,33 +62,4 @@ def make_advance(real: Real, math: str, integrator: str, parts: frozenset[str]) 
     `scratches`: SCRATCH_ROWS rows per band.
     """
     compiler = Compiler(variant_name("fused", real, math, integrator, parts), math)
-    begin_walk, step_row = make_row_step(compiler, real, integrator, parts)
-    kind_of = compiler.compiled(pass_kind)
-    block = block_of(real)
-
-    @compiler.compiled
-    def advance_band(band, kind, step, states, current, sheet, scratches):
-        layout = sheet.layout
-        rows, columns, stride, plane = layout[L_ROWS], layout[L_COLUMNS], layout[L_STRIDE], layout[L_PLANE]
-        bands, width = np.int64(scratches.shape[0]), np.int64(scratches.shape[1]) // SCRATCH_ROWS
-        first, last = rows * band // bands, rows * (band + 1) // bands
-        source, target = row_at(states, current * PLANES * plane), row_at(states, (1 - current) * PLANES * plane)
-        above = scratches[band]
-        sums = row_at(above, ABOVE_ROWS * width)
-        blocks = (columns + block - 1) // block
-        begin_walk(first, blocks, source, first * stride, stride, plane, sheet.parameters, above, width)
-        for i in range(first, last):
-            here = i * stride
-            below = here + stride if i < rows - 1 else here
-            step_row(
-                kind, step, i, np.int64(0), blocks, source, here, below, plane, target, here, plane, above, sums, width,
-                sheet,
-            )  # fmt: skip
-
-    def advance(team, member, bands, passes, states, current, sheet, scratches):
-        for k in range(passes.number):
-            kind = kind_of(k, passes)
-            for band in assigned(team, member, bands):
-                advance_band(np.int64(band), kind, passes.step + k, states, (current + k) % 2, sheet, scratches)
-
-    return compiler.team(advance)
+    return compiler.team(sheet_kernel(compiler, advance, real, integrator, parts))

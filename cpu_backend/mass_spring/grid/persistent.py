@@ -18,66 +18,108 @@ from functools import cache
 import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
-from softlab.cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, PLANES, block_of, row_at
+from softlab.cpu_backend.core.layout import BLOCK, L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, PLANES, row_at
 from softlab.cpu_backend.core.progress import SPINS, bide, exchange, load_acquire, store_release
 from softlab.cpu_backend.mass_spring.grid.kernels import ABOVE_ROWS, SCRATCH_ROWS
-from softlab.cpu_backend.mass_spring.grid.row_step import make_row_step, pass_kind
-from softlab.cpu_backend.mass_spring.grid.rows import variant_name
+from softlab.cpu_backend.mass_spring.grid.row_step import pass_kind, step_row
+from softlab.cpu_backend.mass_spring.grid.rows import begin_walk, sheet_kernel, variant_name
 from softlab.model.base.types import Real
+from softlab.model.base.variant import routine
 
 TEAM_FLAGS, BORDER, DONE = 3, 1, 2
 TEAM_SCRATCH_ROWS = SCRATCH_ROWS + ABOVE_ROWS  # one more walk: that of the lower border row
 
 
-def make_band_pass(compiler: Compiler, real: Real, integrator: str, parts: frozenset[str]) -> Callable:
-    """Make pass_band(band, bands, k, ...): pass k of a band, with its flags; other arguments as the kernel's."""
-    begin_walk, step_row = make_row_step(compiler, real, integrator, parts)
-    kind_of, block = compiler.compiled(pass_kind), block_of(real)
+@routine
+def walk(start, end, kind, step, states, current, sheet, above, sums, width):
+    """Do the rows from `start` to before `end`, whose walk was begun."""
+    layout = sheet.layout
+    rows, columns, stride, plane = layout[L_ROWS], layout[L_COLUMNS], layout[L_STRIDE], layout[L_PLANE]
+    source, target = row_at(states, current * PLANES * plane), row_at(states, (1 - current) * PLANES * plane)
+    blocks = (columns + BLOCK - 1) // BLOCK
+    for i in range(start, end):
+        here = i * stride
+        below = here + stride if i < rows - 1 else here
+        step_row(
+            kind, step, i, np.int64(0), blocks, source, here, below, plane, target, here, plane, above, sums, width,
+            sheet,
+        )  # fmt: skip
 
-    @compiler.compiled
-    def walk(start, end, kind, step, states, current, sheet, above, sums, width):
-        """Do the rows from `start` to before `end`, whose walk was begun."""
-        layout = sheet.layout
-        rows, columns, stride, plane = layout[L_ROWS], layout[L_COLUMNS], layout[L_STRIDE], layout[L_PLANE]
-        source, target = row_at(states, current * PLANES * plane), row_at(states, (1 - current) * PLANES * plane)
-        blocks = (columns + block - 1) // block
-        for i in range(start, end):
-            here = i * stride
-            below = here + stride if i < rows - 1 else here
-            step_row(
-                kind, step, i, np.int64(0), blocks, source, here, below, plane, target, here, plane, above, sums, width,
-                sheet,
-            )  # fmt: skip
 
-    @compiler.compiled
-    def begin(i, states, current, sheet, above, width):
-        columns, stride, plane = sheet.layout[L_COLUMNS], sheet.layout[L_STRIDE], sheet.layout[L_PLANE]
-        source = row_at(states, current * PLANES * plane)
-        begin_walk(i, (columns + block - 1) // block, source, i * stride, stride, plane, sheet.parameters, above, width)
+@routine
+def begin(i, states, current, sheet, above, width):
+    columns, stride, plane = sheet.layout[L_COLUMNS], sheet.layout[L_STRIDE], sheet.layout[L_PLANE]
+    source = row_at(states, current * PLANES * plane)
+    begin_walk(
+        i,
+        (columns + BLOCK - 1) // BLOCK,
+        source,
+        i * stride,
+        stride,
+        plane,
+        sheet.parameters,
+        above,
+        width,
+    )
 
-    @compiler.compiled
-    def pass_band(band, bands, k, passes, states, current, sheet, scratches, progress):
-        rows = sheet.layout[L_ROWS]
-        width = np.int64(scratches.shape[1]) // TEAM_SCRATCH_ROWS
-        first, last = rows * band // bands, rows * (band + 1) // bands
-        above = scratches[band]
-        sums = row_at(above, ABOVE_ROWS * width)
-        above_border = row_at(above, SCRATCH_ROWS * width)
-        kind, now, source = kind_of(k, passes), passes.step + k, (current + k) % 2
-        inner_first, inner_last = first, last
-        begin(first, states, source, sheet, above, width)
-        if band > 0:
-            inner_first = first + 1
-            walk(first, inner_first, kind, now, states, source, sheet, above, sums, width)
-        if band < bands - 1 and inner_first < last:
-            inner_last = last - 1
-            begin(inner_last, states, source, sheet, above_border, width)
-            walk(inner_last, last, kind, now, states, source, sheet, above_border, sums, width)
-        store_release(progress, BORDER * bands + band, k + 1)
-        walk(inner_first, inner_last, kind, now, states, source, sheet, above, sums, width)
-        store_release(progress, DONE * bands + band, k + 1)
 
-    return pass_band
+@routine
+def pass_band(band, bands, k, passes, states, current, sheet, scratches, progress):
+    """Do pass k of a band, and set its flags."""
+    rows = sheet.layout[L_ROWS]
+    width = np.int64(scratches.shape[1]) // TEAM_SCRATCH_ROWS
+    first, last = rows * band // bands, rows * (band + 1) // bands
+    above = scratches[band]
+    sums = row_at(above, ABOVE_ROWS * width)
+    above_border = row_at(above, SCRATCH_ROWS * width)
+    kind, now, source = pass_kind(k, passes), passes.step + k, (current + k) % 2
+    inner_first, inner_last = first, last
+    begin(first, states, source, sheet, above, width)
+    if band > 0:
+        inner_first = first + 1
+        walk(first, inner_first, kind, now, states, source, sheet, above, sums, width)
+    if band < bands - 1 and inner_first < last:
+        inner_last = last - 1
+        begin(inner_last, states, source, sheet, above_border, width)
+        walk(inner_last, last, kind, now, states, source, sheet, above_border, sums, width)
+    store_release(progress, BORDER * bands + band, k + 1)
+    walk(inner_first, inner_last, kind, now, states, source, sheet, above, sums, width)
+    store_release(progress, DONE * bands + band, k + 1)
+
+
+@routine
+def taken(band, bands, k, progress):
+    """Take the band's pass k if it can begin and was not begun. Returns True if the caller now has it."""
+    border = BORDER * bands + band
+    if load_acquire(progress, band) != k or (band > 0 and load_acquire(progress, border - 1) < k):
+        return False
+    if band < bands - 1 and load_acquire(progress, border + 1) < k:
+        return False
+    return exchange(progress, band, k, k + 1)
+
+
+@routine
+def advance(team, member, bands, passes, states, current, sheet, scratches, progress):
+    patience, checks, left, stepped_in = np.int64(SPINS), 0, True, False
+    while left:
+        left, worked = False, False
+        for n in range(bands):
+            band = (member + n) % bands
+            k = load_acquire(progress, DONE * bands + band)
+            left = left or k < passes.number
+            if k < passes.number and (n == 0 or checks >= patience) and taken(band, bands, k, progress):
+                pass_band(band, bands, k, passes, states, current, sheet, scratches, progress)
+                if n > 0:
+                    patience, stepped_in = patience // 2, True
+                else:
+                    patience, stepped_in = patience if stepped_in else np.int64(SPINS), False
+                worked = True
+                break
+        if worked:
+            checks = 0
+        elif left:
+            bide(checks, SPINS)
+            checks += 1
 
 
 @cache
@@ -88,38 +130,4 @@ def make_team_advance(real: Real, math: str, integrator: str, parts: frozenset[s
     `progress`: TEAM_FLAGS flags per band, all 0; `scratches`: TEAM_SCRATCH_ROWS rows per band.
     """
     compiler = Compiler(variant_name("team", real, math, integrator, parts), math)
-    pass_band = make_band_pass(compiler, real, integrator, parts)
-
-    @compiler.compiled
-    def taken(band, bands, k, progress):
-        """Take the band's pass k if it can begin and was not begun. Returns True if the caller now has it."""
-        border = BORDER * bands + band
-        if load_acquire(progress, band) != k or (band > 0 and load_acquire(progress, border - 1) < k):
-            return False
-        if band < bands - 1 and load_acquire(progress, border + 1) < k:
-            return False
-        return exchange(progress, band, k, k + 1)
-
-    def advance(team, member, bands, passes, states, current, sheet, scratches, progress):
-        patience, checks, left, stepped_in = np.int64(SPINS), 0, True, False
-        while left:
-            left, worked = False, False
-            for n in range(bands):
-                band = (member + n) % bands
-                k = load_acquire(progress, DONE * bands + band)
-                left = left or k < passes.number
-                if k < passes.number and (n == 0 or checks >= patience) and taken(band, bands, k, progress):
-                    pass_band(band, bands, k, passes, states, current, sheet, scratches, progress)
-                    if n > 0:
-                        patience, stepped_in = patience // 2, True
-                    else:
-                        patience, stepped_in = patience if stepped_in else np.int64(SPINS), False
-                    worked = True
-                    break
-            if worked:
-                checks = 0
-            elif left:
-                bide(checks, SPINS)
-                checks += 1
-
-    return compiler.team(advance)
+    return compiler.team(sheet_kernel(compiler, advance, real, integrator, parts))

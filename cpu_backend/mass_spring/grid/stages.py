@@ -17,27 +17,35 @@ from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.own_forces import bind_forces
 from softlab.cpu_backend.mass_spring.motion_stages import bind_motion, make_motion_stages
 from softlab.model.base.types import Real
+from softlab.model.base.variant import FEATURE, routine
 from softlab.model.core.plan import Moment, StageRun
-from softlab.model.formulas import springs
+from softlab.model.formulas.springs import spring_acceleration_2d
 
 
-@cache
-def make_stages(real: Real, math: str, integrator: str, alternating: bool = False) -> SimpleNamespace:
-    """Make the stage kernels of an arithmetic and integrator, for equal or alternating springs. Arrays are (rows,
-    columns)."""
-    compiler = Compiler("_".join(["stage", np.dtype(real).name, math, integrator.replace("-", "_")]), math)
-    compiled, kernel = compiler.compiled, compiler.kernel
-    spring_acceleration_2d = compiler.formulas(springs, real).spring_acceleration_2d
+@routine
+def pull(x, y, i, j, row, column, lower, parameters):
+    """Return the pull on mass (i, j) from (row, column), by a spring from row or column `lower` to the next."""
+    odd = lower & 1
+    stiffness = parameters.stiff if odd else parameters.stiffness
+    rest = parameters.stiff_rest if odd else parameters.stiffness_rest
+    return spring_acceleration_2d(x[row, column] - x[i, j], y[row, column] - y[i, j], stiffness, rest)
 
-    @kernel
-    def spring_forces(x, y, record, ax, ay):
-        rows, columns = x.shape
-        stiffness, stiffness_rest = record[0].stiffness, record[0].stiffness_rest
-        for row in prange(rows):
-            i = np.int64(row)
-            for j in range(columns):
-                # a neighbour beyond the edge is replaced by the mass itself: coincident masses do not pull
-                up, down, left, right = max(i - 1, 0), min(i + 1, rows - 1), max(j - 1, 0), min(j + 1, columns - 1)
+
+@routine
+def spring_forces(x, y, record, ax, ay):
+    rows, columns = x.shape
+    stiffness, stiffness_rest = record[0].stiffness, record[0].stiffness_rest
+    for row in prange(rows):
+        i = np.int64(row)
+        for j in range(columns):
+            # a neighbour beyond the edge is replaced by the mass itself: coincident masses do not pull
+            up, down, left, right = max(i - 1, 0), min(i + 1, rows - 1), max(j - 1, 0), min(j + 1, columns - 1)
+            if FEATURE.alternating:
+                right_x, right_y = pull(x, y, i, j, i, right, j, record[0])
+                left_x, left_y = pull(x, y, i, j, i, left, left, record[0])
+                down_x, down_y = pull(x, y, i, j, down, j, i, record[0])
+                up_x, up_y = pull(x, y, i, j, up, j, up, record[0])
+            else:
                 right_x, right_y = spring_acceleration_2d(
                     x[i, right] - x[i, j], y[i, right] - y[i, j], stiffness, stiffness_rest
                 )
@@ -48,35 +56,19 @@ def make_stages(real: Real, math: str, integrator: str, alternating: bool = Fals
                     x[down, j] - x[i, j], y[down, j] - y[i, j], stiffness, stiffness_rest
                 )
                 up_x, up_y = spring_acceleration_2d(x[up, j] - x[i, j], y[up, j] - y[i, j], stiffness, stiffness_rest)
-                ax[i, j] = (right_x + left_x) + (down_x + up_x)
-                ay[i, j] = (right_y + left_y) + (down_y + up_y)
+            ax[i, j] = (right_x + left_x) + (down_x + up_x)
+            ay[i, j] = (right_y + left_y) + (down_y + up_y)
 
-    @compiled
-    def pull(x, y, i, j, row, column, lower, parameters):
-        """Return the pull on mass (i, j) from (row, column), by a spring from row or column `lower` to the next."""
-        odd = lower & 1
-        stiffness = parameters.stiff if odd else parameters.stiffness
-        rest = parameters.stiff_rest if odd else parameters.stiffness_rest
-        return spring_acceleration_2d(x[row, column] - x[i, j], y[row, column] - y[i, j], stiffness, rest)
 
-    @kernel
-    def alternating_spring_forces(x, y, record, ax, ay):
-        rows, columns = x.shape
-        for row in prange(rows):
-            i = np.int64(row)
-            for j in range(columns):
-                up, down, left, right = max(i - 1, 0), min(i + 1, rows - 1), max(j - 1, 0), min(j + 1, columns - 1)
-                right_x, right_y = pull(x, y, i, j, i, right, j, record[0])
-                left_x, left_y = pull(x, y, i, j, i, left, left, record[0])
-                down_x, down_y = pull(x, y, i, j, down, j, i, record[0])
-                up_x, up_y = pull(x, y, i, j, up, j, up, record[0])
-                ax[i, j] = (right_x + left_x) + (down_x + up_x)
-                ay[i, j] = (right_y + left_y) + (down_y + up_y)
-
-    return SimpleNamespace(
-        spring_forces=alternating_spring_forces if alternating else spring_forces,
-        **vars(make_motion_stages(compiler, real, integrator)),
-    )  # fmt: skip
+@cache
+def make_stages(real: Real, math: str, integrator: str, alternating: bool = False) -> SimpleNamespace:
+    """Compile the stage kernels of an arithmetic and integrator, for equal or alternating springs. Arrays are (rows,
+    columns)."""
+    compiler = Compiler("_".join(["stage", np.dtype(real).name, math, integrator.replace("-", "_")]), math)
+    stages = make_motion_stages(compiler, real, integrator)
+    variant = compiler.variant_of(real, {"alternating": alternating})
+    stages.spring_forces = compiler.kernel(variant.copied(spring_forces))
+    return stages
 
 
 def bind_stages(sim: Any) -> dict[str, StageRun]:

@@ -16,12 +16,13 @@ from functools import cache
 import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
-from softlab.cpu_backend.core.layout import L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, PLANES, block_of, row_at
+from softlab.cpu_backend.core.layout import BLOCK, L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, PLANES, block_of, row_at
 from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.mass_spring.grid.kernels import ABOVE_ROWS
-from softlab.cpu_backend.mass_spring.grid.row_step import make_row_step, pass_kind
-from softlab.cpu_backend.mass_spring.grid.rows import SUM_ROWS, variant_name
+from softlab.cpu_backend.mass_spring.grid.row_step import pass_kind, step_row
+from softlab.cpu_backend.mass_spring.grid.rows import SUM_ROWS, begin_walk, sheet_kernel, variant_name
 from softlab.model.base.types import Real
+from softlab.model.base.variant import routine
 
 RING = 2 * PLANES  # rows of a level's ring: two, of four planes
 LEVEL_ROWS = RING + ABOVE_ROWS
@@ -43,6 +44,77 @@ def tile_buffer(levels: int, tile: int, real: Real) -> tuple[int, int]:
     return width, (levels * LEVEL_ROWS + SUM_ROWS) * width + 2 * block_of(real)
 
 
+@routine
+def walk_tile(first, last, start, tiling, buffer, first_pass, passes, source, target, sheet):
+    """Do the tiling's passes from `first_pass` on of rows `first` to before `last`, columns `start` to before
+    `start + tile`."""
+    tile, halo, width, layout = tiling.tile, tiling.halo, tiling.width, sheet.layout
+    levels = min(tiling.levels, passes.number - first_pass)
+    rows, columns, stride, plane = layout[L_ROWS], layout[L_COLUMNS], layout[L_STRIDE], layout[L_PLANE]
+    left = max(start - halo, 0)
+    all_blocks = (min(start + tile + halo, columns) - left + BLOCK - 1) // BLOCK
+    last_blocks = (min(start + tile, columns) - start + BLOCK - 1) // BLOCK
+    sums = row_at(buffer, levels * LEVEL_ROWS * width + BLOCK)
+    for front in range(max(first - levels, 0), last + levels - 1):  # the row of level 1
+        for level in range(1, levels + 1):
+            i, more = front - (level - 1), levels - level
+            top, bottom = max(first - more, 0), min(last + more, rows)
+            if i < top - 1 or i < 0 or i >= bottom:
+                continue
+            column, blocks = left, all_blocks
+            if level == levels:
+                column, blocks = start, last_blocks
+            ring = (level - 1) * LEVEL_ROWS * width + BLOCK  # of the level before
+            above = row_at(buffer, ring + RING * width)
+            if level == 1:
+                level_source, source_plane = source, plane
+                here, below = i * stride + column, (i + 1) * stride + column
+            else:
+                level_source, source_plane = buffer, width
+                here = ring + (i % 2) * PLANES * width + column - left
+                below = ring + ((i + 1) % 2) * PLANES * width + column - left
+            if i < top:  # only the pull of this row on the next is needed
+                begin_walk(
+                    i + 1, blocks, level_source, below, below - here, source_plane, sheet.parameters, above, width
+                )
+                continue
+            if i == 0:
+                begin_walk(i, blocks, level_source, here, below - here, source_plane, sheet.parameters, above, width)
+            if i == rows - 1:
+                below = here
+            if level == levels:
+                level_target, there, target_plane = target, i * stride + column, plane
+            else:
+                level_target, target_plane = buffer, width
+                there = ring + LEVEL_ROWS * width + (i % 2) * PLANES * width
+            k = first_pass + level - 1
+            step_row(
+                pass_kind(k, passes), passes.step + k, i, column, blocks, level_source, here, below,
+                source_plane, level_target, there, target_plane, above, sums, width, sheet,
+            )  # fmt: skip
+
+
+@routine
+def walk_band(band, tiling, scratches, first_pass, passes, states, current, sheet):
+    layout = sheet.layout
+    rows, columns, plane = layout[L_ROWS], layout[L_COLUMNS], layout[L_PLANE]
+    bands = np.int64(scratches.shape[0])
+    first, last = rows * band // bands, rows * (band + 1) // bands
+    source, target = row_at(states, current * PLANES * plane), row_at(states, (1 - current) * PLANES * plane)
+    for start in range(0, columns, tiling.tile):
+        walk_tile(
+            first, last, np.int64(start), tiling, scratches[band], first_pass, passes, source, target, sheet
+        )  # fmt: skip
+
+
+@routine
+def advance(team, member, bands, passes, states, current, sheet, scratches, tiling):
+    for turn in range((passes.number + tiling.levels - 1) // tiling.levels):
+        first_pass, now = turn * tiling.levels, (current + turn) % 2
+        for band in assigned(team, member, bands):
+            walk_band(np.int64(band), tiling, scratches, first_pass, passes, states, now, sheet)
+
+
 @cache
 def make_tiled_advance(real: Real, math: str, integrator: str, parts: frozenset[str]) -> Callable:
     """Compile advance(bands, passes, states, current, sheet, scratches, tiling).
@@ -51,77 +123,4 @@ def make_tiled_advance(real: Real, math: str, integrator: str, parts: frozenset[
     `tiling`: Tiling of choice.py.
     """
     compiler = Compiler(variant_name("tiled", real, math, integrator, parts), math)
-    begin_walk, step_row = make_row_step(compiler, real, integrator, parts)
-    kind_of = compiler.compiled(pass_kind)
-    block = np.int64(block_of(real))
-
-    @compiler.compiled
-    def walk_tile(first, last, start, tiling, buffer, first_pass, passes, source, target, sheet):
-        """Do the tiling's passes from `first_pass` on of rows `first` to before `last`, columns `start` to before
-        `start + tile`."""
-        tile, halo, width, layout = tiling.tile, tiling.halo, tiling.width, sheet.layout
-        levels = min(tiling.levels, passes.number - first_pass)
-        rows, columns, stride, plane = layout[L_ROWS], layout[L_COLUMNS], layout[L_STRIDE], layout[L_PLANE]
-        left = max(start - halo, 0)
-        all_blocks = (min(start + tile + halo, columns) - left + block - 1) // block
-        last_blocks = (min(start + tile, columns) - start + block - 1) // block
-        sums = row_at(buffer, levels * LEVEL_ROWS * width + block)
-        for front in range(max(first - levels, 0), last + levels - 1):  # the row of level 1
-            for level in range(1, levels + 1):
-                i, more = front - (level - 1), levels - level
-                top, bottom = max(first - more, 0), min(last + more, rows)
-                if i < top - 1 or i < 0 or i >= bottom:
-                    continue
-                column, blocks = left, all_blocks
-                if level == levels:
-                    column, blocks = start, last_blocks
-                ring = (level - 1) * LEVEL_ROWS * width + block  # of the level before
-                above = row_at(buffer, ring + RING * width)
-                if level == 1:
-                    level_source, source_plane = source, plane
-                    here, below = i * stride + column, (i + 1) * stride + column
-                else:
-                    level_source, source_plane = buffer, width
-                    here = ring + (i % 2) * PLANES * width + column - left
-                    below = ring + ((i + 1) % 2) * PLANES * width + column - left
-                if i < top:  # only the pull of this row on the next is needed
-                    begin_walk(
-                        i + 1, blocks, level_source, below, below - here, source_plane, sheet.parameters, above, width
-                    )
-                    continue
-                if i == 0:
-                    begin_walk(
-                        i, blocks, level_source, here, below - here, source_plane, sheet.parameters, above, width
-                    )
-                if i == rows - 1:
-                    below = here
-                if level == levels:
-                    level_target, there, target_plane = target, i * stride + column, plane
-                else:
-                    level_target, target_plane = buffer, width
-                    there = ring + LEVEL_ROWS * width + (i % 2) * PLANES * width
-                k = first_pass + level - 1
-                step_row(
-                    kind_of(k, passes), passes.step + k, i, column, blocks, level_source, here, below,
-                    source_plane, level_target, there, target_plane, above, sums, width, sheet,
-                )  # fmt: skip
-
-    @compiler.compiled
-    def walk_band(band, tiling, scratches, first_pass, passes, states, current, sheet):
-        layout = sheet.layout
-        rows, columns, plane = layout[L_ROWS], layout[L_COLUMNS], layout[L_PLANE]
-        bands = np.int64(scratches.shape[0])
-        first, last = rows * band // bands, rows * (band + 1) // bands
-        source, target = row_at(states, current * PLANES * plane), row_at(states, (1 - current) * PLANES * plane)
-        for start in range(0, columns, tiling.tile):
-            walk_tile(
-                first, last, np.int64(start), tiling, scratches[band], first_pass, passes, source, target, sheet
-            )  # fmt: skip
-
-    def advance(team, member, bands, passes, states, current, sheet, scratches, tiling):
-        for turn in range((passes.number + tiling.levels - 1) // tiling.levels):
-            first_pass, now = turn * tiling.levels, (current + turn) % 2
-            for band in assigned(team, member, bands):
-                walk_band(np.int64(band), tiling, scratches, first_pass, passes, states, now, sheet)
-
-    return compiler.team(advance)
+    return compiler.team(sheet_kernel(compiler, advance, real, integrator, parts))

@@ -9,22 +9,31 @@ make the same decision, and get the CPU's bits.
 from __future__ import annotations
 
 from functools import cache
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 from numba import cuda
 
-from softlab.gpu_backend.core.compile import Kernel, inlined, kernel_options, make_kernel, variant_name
+from softlab.gpu_backend.core.compile import Kernel, kernel_options, make_kernel, variant_name
 from softlab.gpu_backend.core.cooperative import Cooperative
 from softlab.gpu_backend.core.device import Arguments, simulated
-from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.meeting import make_barrier
 from softlab.gpu_backend.core.world import Cell, World
-from softlab.gpu_backend.mass_spring.cloth.implicit_point import Work, make_implicit_point
-from softlab.gpu_backend.mass_spring.cloth.point import make_cloth_forces
+from softlab.gpu_backend.mass_spring.cloth.implicit_point import (
+    Work,
+    finish,
+    implicit_sums,
+    move,
+    product,
+    residual,
+    start,
+    update,
+)
+from softlab.gpu_backend.mass_spring.cloth.point import air_now, cloth_features, current_step, open_functions
 from softlab.model.base.errors import SceneError
 from softlab.model.base.types import Real
+from softlab.model.base.variant import FEATURE, Open, filled, inlined_routine, real, routine
 from softlab.model.formulas import implicit
 from softlab.model.formulas.implicit import (
     FINISH,
@@ -40,6 +49,8 @@ from softlab.model.formulas.implicit import (
     UPDATE,
     Counts,
     Values,
+    after_product,
+    after_residual,
 )
 from softlab.model.mass_spring.implicit_parameters import (
     LANES,
@@ -54,83 +65,153 @@ from softlab.model.scene.scene import Scene
 
 THREADS = LANES if simulated() else SEGMENT  # per block; the simulator's are Python threads
 TOGETHER = 2  # minimum number of blocks per multiprocessor, which bounds their registers
+SHARED = SUMS * TREE  # numbers in shared memory
+WARPS = not simulated()
+lanes, segment, tree, half_tree = np.int32(LANES), np.int32(SEGMENT), np.int32(TREE), np.int32(TREE // 2)
+barrier = Open("barrier(flags, wanted): of core/meeting.py")
 
 
-@cache
-def make_meetings(real: Real, math: str) -> SimpleNamespace:
-    """Make the block-wide sums `add_segment(products, sums, g, width, count, parts)`, segment g's sums of the products
-    of its masses, and `total(products, sums, count, parts)`, over all segments. `products` (SUMS * TREE,) is shared
-    memory."""
-    inline = inlined(math)
-    zero, warps, whole_warp = real(0), not simulated(), 0xFFFFFFFF
-    lanes, segment, tree, half_tree = np.int32(LANES), np.int32(SEGMENT), np.int32(TREE), np.int32(TREE // 2)
-
-    @inline
-    def halved(products, sums, half, stride, last):
-        """Add up the 2 `half` numbers of each sum in halves, until `last` are left."""
-        t, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
-        while half >= last:
-            for n in range(sums):
-                for k in range(t, half, threads):
-                    place = n * stride + k
-                    products[place] = products[place] + products[place + half]
-            cuda.syncthreads()
-            half = np.int32(half // 2)
-
-    @inline
-    def lanes_halved(products, sums, stride):
-        """Replace the first of each sum's LANES numbers by their sum, added up in halves, by shuffles of one warp.
-
-        Every thread of the block must call it; it does not synchronise at its end.
-        """
-        if warps:
-            t = np.int32(cuda.threadIdx.x)
-            if t < lanes:
-                for n in range(sums):
-                    value = products[n * stride + t]
-                    value = value + cuda.shfl_down_sync(whole_warp, value, 16)
-                    value = value + cuda.shfl_down_sync(whole_warp, value, 8)
-                    value = value + cuda.shfl_down_sync(whole_warp, value, 4)
-                    value = value + cuda.shfl_down_sync(whole_warp, value, 2)
-                    value = value + cuda.shfl_down_sync(whole_warp, value, 1)
-                    if t == 0:
-                        products[n * stride] = value
-        else:
-            halved(products, sums, np.int32(lanes // 2), stride, np.int32(1))
-
-    @inline
-    def add_segment(products, sums, g, width, count, parts):
-        t = np.int32(cuda.threadIdx.x)
+@inlined_routine
+def halved(products, sums, half, stride, last):
+    """Add up the 2 `half` numbers of each sum in halves, until `last` are left."""
+    t, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
+    while half >= last:
+        for n in range(sums):
+            for k in range(t, half, threads):
+                place = n * stride + k
+                products[place] = products[place] + products[place + half]
         cuda.syncthreads()
+        half = np.int32(half // 2)
+
+
+@inlined_routine
+def lanes_halved(products, sums, stride):
+    """Replace the first of each sum's LANES numbers by their sum, added up in halves, by shuffles of one warp.
+
+    Every thread of the block must call it; it does not synchronise at its end.
+    """
+    if WARPS:
+        t = np.int32(cuda.threadIdx.x)
         if t < lanes:
             for n in range(sums):
-                running = zero
-                for k in range(t, width, lanes):
-                    running = running + products[n * segment + k]
-                products[n * segment + t] = running
-        if not warps:
-            cuda.syncthreads()
-        lanes_halved(products, sums, segment)
-        if t == 0:
-            for n in range(sums):
-                parts[n * count + g] = products[n * segment]
-        cuda.syncthreads()
+                value = products[n * stride + t]
+                value = value + cuda.shfl_down_sync(0xFFFFFFFF, value, 16)
+                value = value + cuda.shfl_down_sync(0xFFFFFFFF, value, 8)
+                value = value + cuda.shfl_down_sync(0xFFFFFFFF, value, 4)
+                value = value + cuda.shfl_down_sync(0xFFFFFFFF, value, 2)
+                value = value + cuda.shfl_down_sync(0xFFFFFFFF, value, 1)
+                if t == 0:
+                    products[n * stride] = value
+    else:
+        halved(products, sums, np.int32(lanes // 2), stride, np.int32(1))
 
-    @inline
-    def total(products, sums, count, parts):
-        t, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
+
+@inlined_routine
+def add_segment(products, sums, g, width, count, parts):
+    t = np.int32(cuda.threadIdx.x)
+    cuda.syncthreads()
+    if t < lanes:
         for n in range(sums):
-            for slot in range(t, tree, threads):
-                running = zero
-                for k in range(slot, count, tree):
-                    running = running + parts[n * count + k]
-                products[n * tree + slot] = running
+            running = 0.0
+            for k in range(t, width, lanes):
+                running = running + products[n * segment + k]
+            products[n * segment + t] = running
+    if not WARPS:
         cuda.syncthreads()
-        halved(products, sums, half_tree, tree, lanes)
-        lanes_halved(products, sums, tree)
-        cuda.syncthreads()
+    lanes_halved(products, sums, segment)
+    if t == 0:
+        for n in range(sums):
+            parts[n * count + g] = products[n * segment]
+    cuda.syncthreads()
 
-    return SimpleNamespace(add_segment=add_segment, total=total)
+
+@inlined_routine
+def total(products, sums, count, parts):
+    t, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
+    for n in range(sums):
+        for slot in range(t, tree, threads):
+            running = 0.0
+            for k in range(slot, count, tree):
+                running = running + parts[n * count + k]
+            products[n * tree + slot] = running
+    cuda.syncthreads()
+    halved(products, sums, half_tree, tree, lanes)
+    lanes_halved(products, sums, tree)
+    cuda.syncthreads()
+
+
+@routine
+def implicit_steps(
+    position, velocity, base, x, u, r, s, q, aq, ar, begin, sums, flags, done, record, matrix, bodies, integers, counter,
+    steps, rows, columns,
+):  # fmt: skip
+    parameters, system = record[0], matrix[0]
+    world, work = World(parameters, bodies, integers), Work(base, x, u, r, s, q, aq, ar, begin)
+    products = cuda.shared.array(SHARED, real)
+    rows, columns = np.int32(rows), np.int32(columns)
+    t, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
+    across = np.int32((columns + segment - 1) // segment)
+    count, wanted = np.int32(rows * across), np.int32(cuda.gridDim.x)
+    first_thread = cuda.blockIdx.x == 0 and t == 0
+    for number in range(steps):
+        step = current_step(counter, np.int64(number))
+        kind, counts = START, Counts(np.int64(0), np.int64(0), np.int64(0))
+        values = Values(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        while True:
+            air = (0.0, 0.0, 0.0)
+            if FEATURE.wind:
+                if kind == START:
+                    air = air_now(parameters, integers, step, 0.0)
+            first_iteration, alpha, beta = counts.iterations == 1, values.alpha, values.beta
+            for g in range(np.int32(cuda.blockIdx.x), count, np.int32(cuda.gridDim.x)):
+                i, first = np.int32(g // across), np.int32((g % across) * segment)
+                width = np.int32(min(segment, np.int32(columns - first)))
+                for c in range(t, width, threads):
+                    j = np.int32(first + c)
+                    k = np.int32(i * columns + j)
+                    if kind == PRODUCT:
+                        a, b = product(work, k, Cell(i, j, rows, columns), system)
+                        products[c], products[segment + c] = a, b
+                    elif kind == UPDATE:
+                        update(work, k, first_iteration, alpha, beta)
+                    elif kind == RESIDUAL:
+                        a, b, d = residual(work, k, Cell(i, j, rows, columns), parameters, system)
+                        products[c], products[segment + c], products[2 * segment + c] = a, b, d
+                    elif kind == START:
+                        start(position, velocity, work, k, Cell(i, j, rows, columns), world, step, air)
+                    elif kind == FINISH:
+                        finish(position, velocity, work, k, step, world)
+                    else:
+                        move(position, work, k, kind == RETREAT, step, world)
+                if kind == PRODUCT:
+                    add_segment(products, np.int32(2), g, width, count, sums)
+                elif kind == RESIDUAL:
+                    add_segment(products, np.int32(SUMS), g, width, count, sums)
+            wanted = barrier(flags, wanted)
+            if kind == FINISH:
+                break
+            if kind == PRODUCT:
+                total(products, np.int32(2), count, sums)
+                kind, counts, values = after_product(counts, values, products[0], products[TREE])
+                if first_thread:
+                    done[ITERATIONS if kind == UPDATE else MATRICES] += 1
+            elif kind == RESIDUAL:
+                total(products, np.int32(SUMS), count, sums)
+                total_products = products[0], products[TREE], products[2 * TREE]
+                kind, counts, values = after_residual(
+                    counts, values, total_products, system.speed_squared, system.roundoff
+                )
+                if first_thread and kind == RETREAT:
+                    done[HALVINGS] += 1
+            elif kind == UPDATE:
+                kind = PRODUCT
+            elif kind == MOVE and FEATURE.linear:
+                kind = FINISH
+            else:
+                kind = RESIDUAL
+            cuda.syncthreads()
+        if first_thread:
+            done[STEPS] += 1
 
 
 @cache
@@ -142,90 +223,12 @@ def make_cloth_implicit(real: Real, math: str, linear: bool, parts: frozenset[st
     launch; `done` (len(DONE),) int64 is incremented; the rest is as in mass_spring/cloth/kernels.py. With `linear` a
     step ends after its first matrix.
     """
-    point, meetings = make_implicit_point(real, math, parts), make_meetings(real, math)
-    start, residual, product = point.start, point.residual, point.product
-    update, move, finish, air_now = point.update, point.move, point.finish, point.air_now
-    barrier, add_segment, total = make_barrier(math), meetings.add_segment, meetings.total
-    control = device_formulas(implicit, real, math, {"linear": linear})
-    after_residual, after_product = control.after_residual, control.after_product
-    current_step = make_cloth_forces(real, math, parts).current_step
-    has_wind, zero, none, shared = "wind" in parts, real(0), np.int64(0), SUMS * TREE
-    segment, residual_sums, product_sums = np.int32(SEGMENT), np.int32(SUMS), np.int32(2)
-
-    def implicit_steps(
-        position, velocity, base, x, u, r, s, q, aq, ar, begin, sums, flags, done, record, matrix, bodies, integers, counter,
-        steps, rows, columns,
-    ):  # fmt: skip
-        parameters, system = record[0], matrix[0]
-        world, work = World(parameters, bodies, integers), Work(base, x, u, r, s, q, aq, ar, begin)
-        products = cuda.shared.array(shared, real)
-        rows, columns = np.int32(rows), np.int32(columns)
-        t, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
-        across = np.int32((columns + segment - 1) // segment)
-        count, wanted = np.int32(rows * across), np.int32(cuda.gridDim.x)
-        first_thread = cuda.blockIdx.x == 0 and t == 0
-        for number in range(steps):
-            step = current_step(counter, np.int64(number))
-            kind, counts = START, Counts(none, none, none)
-            values = Values(zero, zero, zero, zero, zero, zero, zero)
-            while True:
-                air = (zero, zero, zero)
-                if has_wind:
-                    if kind == START:
-                        air = air_now(parameters, integers, step, zero)
-                first_iteration, alpha, beta = counts.iterations == 1, values.alpha, values.beta
-                for g in range(np.int32(cuda.blockIdx.x), count, np.int32(cuda.gridDim.x)):
-                    i, first = np.int32(g // across), np.int32((g % across) * segment)
-                    width = np.int32(min(segment, np.int32(columns - first)))
-                    for c in range(t, width, threads):
-                        j = np.int32(first + c)
-                        k = np.int32(i * columns + j)
-                        if kind == PRODUCT:
-                            a, b = product(work, k, Cell(i, j, rows, columns), system)
-                            products[c], products[segment + c] = a, b
-                        elif kind == UPDATE:
-                            update(work, k, first_iteration, alpha, beta)
-                        elif kind == RESIDUAL:
-                            a, b, d = residual(work, k, Cell(i, j, rows, columns), parameters, system)
-                            products[c], products[segment + c], products[2 * segment + c] = a, b, d
-                        elif kind == START:
-                            start(position, velocity, work, k, Cell(i, j, rows, columns), world, step, air)
-                        elif kind == FINISH:
-                            finish(position, velocity, work, k, step, world)
-                        else:
-                            move(position, work, k, kind == RETREAT, step, world)
-                    if kind == PRODUCT:
-                        add_segment(products, product_sums, g, width, count, sums)
-                    elif kind == RESIDUAL:
-                        add_segment(products, residual_sums, g, width, count, sums)
-                wanted = barrier(flags, wanted)
-                if kind == FINISH:
-                    break
-                if kind == PRODUCT:
-                    total(products, product_sums, count, sums)
-                    kind, counts, values = after_product(counts, values, products[0], products[TREE])
-                    if first_thread:
-                        done[ITERATIONS if kind == UPDATE else MATRICES] += 1
-                elif kind == RESIDUAL:
-                    total(products, residual_sums, count, sums)
-                    total_products = products[0], products[TREE], products[2 * TREE]
-                    kind, counts, values = after_residual(
-                        counts, values, total_products, system.speed_squared, system.roundoff
-                    )
-                    if first_thread and kind == RETREAT:
-                        done[HALVINGS] += 1
-                elif kind == UPDATE:
-                    kind = PRODUCT
-                elif kind == MOVE and linear:
-                    kind = FINISH
-                else:
-                    kind = RESIDUAL
-                cuda.syncthreads()
-            if first_thread:
-                done[STEPS] += 1
-
-    variant = variant_name(real, math, linear, parts)
-    return make_kernel(implicit_steps, variant, launch_bounds=(SEGMENT, TOGETHER), **kernel_options(math))
+    functions = open_functions(real, math, "implicit-euler", parts)
+    kernel = filled(implicit_steps, {**functions, **implicit_sums(parts), "barrier": make_barrier(math)})
+    features = {**cloth_features("implicit-euler", parts), "implicit": True, "linear": linear}
+    kernel = device_variant(real, math, features).copied(kernel)
+    label = variant_name(real, math, linear, parts)
+    return make_kernel(kernel, label, launch_bounds=(SEGMENT, TOGETHER), **kernel_options(math))
 
 
 def implicit_kernel(scene: Scene, real: Real, parts: frozenset[str], asked: str | None) -> str:

@@ -7,19 +7,75 @@ With gusts, the air's velocity, which is the same for all masses, is computed by
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cache
+from typing import Any
 
 import numpy as np
 from numba import cuda
 
-from softlab.gpu_backend.core.compile import Kernel, kernel_options, make_kernel, variant_name
+from softlab.gpu_backend.core.compile import Kernel, kernels_of, variant_name
+from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.quads import load_quad, store_quad
-from softlab.gpu_backend.core.wind import make_block_air
 from softlab.gpu_backend.core.world import Cell, World
-from softlab.gpu_backend.mass_spring.cloth.moves import RK4_OFFSETS, make_cloth_moves, make_cloth_rk4
-from softlab.gpu_backend.mass_spring.cloth.point import make_cloth_forces
+from softlab.gpu_backend.mass_spring.cloth.moves import RK4_OFFSETS, moves_of, rk4_mass
+from softlab.gpu_backend.mass_spring.cloth.point import block_air, cloth_features, current_step, open_functions
 from softlab.model.base.types import Real
+from softlab.model.base.variant import FEATURE, Open, filled, routine
+
+move = Open("move(position, velocity, place, k, cell, p, v, world, step, air): of moves.moves_of")
+stage_offset = Open("stage_offset: of RK4_OFFSETS, in the precision of the variant")
+
+
+@routine
+def cloth_pass(
+    position, velocity, new_position, new_velocity, record, bodies, integers, counter, pass_number, rows,
+    columns,
+):  # fmt: skip
+    parameters = record[0]
+    world = World(parameters, bodies, integers)
+    j = np.int32(cuda.blockIdx.x * cuda.blockDim.x + cuda.threadIdx.x)
+    i = np.int32(cuda.blockIdx.y * cuda.blockDim.y + cuda.threadIdx.y)
+    rows = np.int32(rows)
+    columns = np.int32(columns)
+    step = current_step(counter, pass_number)
+    air = block_air(parameters, integers, step, 0.0)
+    if i < rows and j < columns:
+        k = np.int32(i * columns + j)
+        p, v = load_quad(position, k), load_quad(velocity, k)
+        px, py, pz, vx, vy, vz = move(position, velocity, k, k, Cell(i, j, rows, columns), p, v, world, step, air)
+        store_quad(new_position, k, px, py, pz, p[3])
+        store_quad(new_velocity, k, vx, vy, vz, 0.0)
+
+
+@routine
+def cloth_rk4(
+    position, velocity, base_position, base_velocity, total_position, total_velocity, new_position, new_velocity,
+    record, bodies, integers, counter, pass_number, rows, columns,
+):  # fmt: skip
+    parameters = record[0]
+    world = World(parameters, bodies, integers)
+    j = np.int32(cuda.blockIdx.x * cuda.blockDim.x + cuda.threadIdx.x)
+    i = np.int32(cuda.blockIdx.y * cuda.blockDim.y + cuda.threadIdx.y)
+    rows = np.int32(rows)
+    columns = np.int32(columns)
+    step = current_step(counter, pass_number)
+    air = block_air(parameters, integers, step, stage_offset)
+    if i < rows and j < columns:
+        k = np.int32(i * columns + j)
+        p, v = load_quad(position, k), load_quad(velocity, k)
+        base = load_quad(base_position, k), load_quad(base_velocity, k)
+        if FEATURE.stage == 0:
+            total = base
+        else:
+            total = load_quad(total_position, k), load_quad(total_velocity, k)
+        new_p, new_v, sum_p, sum_v = rk4_mass(
+            position, velocity, k, Cell(i, j, rows, columns), (p, v), base, total, world, step, air
+        )
+        if FEATURE.stage < 3:
+            store_quad(total_position, k, sum_p[0], sum_p[1], sum_p[2], 0.0)
+            store_quad(total_velocity, k, sum_v[0], sum_v[1], sum_v[2], 0.0)
+        store_quad(new_position, k, new_p[0], new_p[1], new_p[2], p[3])
+        store_quad(new_velocity, k, new_v[0], new_v[1], new_v[2], 0.0)
 
 
 @cache
@@ -30,35 +86,17 @@ def make_cloth_passes(real: Real, math: str, integrator: str, parts: frozenset[s
     columns): flat arrays of quads, the constants, the colliders' rows one after the other, the integer record
     (mass_spring/cloth/point.py), the step counter and the pass's number after it.
     """
-    current_step, block_air = make_cloth_forces(real, math, parts).current_step, make_block_air(real, math, parts)
-    zero = real(0)
+    variant = device_variant(real, math, cloth_features(integrator, parts))
+    functions = open_functions(real, math, integrator, parts)
 
-    def make_pass(name: str, move: Callable) -> Kernel:
-        def cloth_pass(
-            position, velocity, new_position, new_velocity, record, bodies, integers, counter, pass_number, rows,
-            columns,
-        ):  # fmt: skip
-            parameters = record[0]
-            world = World(parameters, bodies, integers)
-            j = np.int32(cuda.blockIdx.x * cuda.blockDim.x + cuda.threadIdx.x)
-            i = np.int32(cuda.blockIdx.y * cuda.blockDim.y + cuda.threadIdx.y)
-            rows = np.int32(rows)
-            columns = np.int32(columns)
-            step = current_step(counter, pass_number)
-            air = block_air(parameters, integers, step, zero)
-            if i < rows and j < columns:
-                k = np.int32(i * columns + j)
-                p, v = load_quad(position, k), load_quad(velocity, k)
-                px, py, pz, vx, vy, vz = move(
-                    position, velocity, k, k, Cell(i, j, rows, columns), p, v, world, step, air
-                )
-                store_quad(new_position, k, px, py, pz, p[3])
-                store_quad(new_velocity, k, vx, vy, vz, zero)
+    def compiled(name: str, move: Any) -> Kernel:
+        kernel, label = (
+            filled(cloth_pass, {**functions, "move": move}),
+            variant_name(real, math, integrator, parts, name),
+        )
+        return kernels_of(variant, math, (kernel,), label).cloth_pass
 
-        return make_kernel(cloth_pass, variant_name(real, math, integrator, parts, name), **kernel_options(math))
-
-    moves = make_cloth_moves(real, math, integrator, parts)
-    return {name: make_pass(name, move) for name, move in moves.items()}
+    return {name: compiled(name, move) for name, move in moves_of(integrator).items()}
 
 
 @cache
@@ -69,43 +107,11 @@ def make_cloth_rk4_stages(real: Real, math: str, parts: frozenset[str]) -> list[
     record, bodies, integers, counter, pass_number, rows, columns): neighbours are read in (position, velocity), the
     state of the stage; each stage adds to the total, the last one writes the new state to `new`.
     """
-    current_step, block_air = make_cloth_forces(real, math, parts).current_step, make_block_air(real, math, parts)
-    zero = real(0)
+    functions = open_functions(real, math, "rk4", parts)
 
-    def make_stage(stage: int) -> Kernel:
-        move = make_cloth_rk4(real, math, parts, stage)
-        offset = real(RK4_OFFSETS[stage])
-        first, last = stage == 0, stage == 3
+    def compiled(stage: int) -> Kernel:
+        variant = device_variant(real, math, {**cloth_features("rk4", parts), "stage": stage})
+        kernel = filled(cloth_rk4, {**functions, "stage_offset": RK4_OFFSETS[stage]})
+        return kernels_of(variant, math, (kernel,), variant_name(real, math, parts, stage)).cloth_rk4
 
-        def cloth_rk4(
-            position, velocity, base_position, base_velocity, total_position, total_velocity, new_position, new_velocity,
-            record, bodies, integers, counter, pass_number, rows, columns,
-        ):  # fmt: skip
-            parameters = record[0]
-            world = World(parameters, bodies, integers)
-            j = np.int32(cuda.blockIdx.x * cuda.blockDim.x + cuda.threadIdx.x)
-            i = np.int32(cuda.blockIdx.y * cuda.blockDim.y + cuda.threadIdx.y)
-            rows = np.int32(rows)
-            columns = np.int32(columns)
-            step = current_step(counter, pass_number)
-            air = block_air(parameters, integers, step, offset)
-            if i < rows and j < columns:
-                k = np.int32(i * columns + j)
-                p, v = load_quad(position, k), load_quad(velocity, k)
-                base = load_quad(base_position, k), load_quad(base_velocity, k)
-                if first:
-                    total = base
-                else:
-                    total = load_quad(total_position, k), load_quad(total_velocity, k)
-                new_p, new_v, sum_p, sum_v = move(
-                    position, velocity, k, Cell(i, j, rows, columns), (p, v), base, total, world, step, air
-                )
-                if not last:
-                    store_quad(total_position, k, sum_p[0], sum_p[1], sum_p[2], zero)
-                    store_quad(total_velocity, k, sum_v[0], sum_v[1], sum_v[2], zero)
-                store_quad(new_position, k, new_p[0], new_p[1], new_p[2], p[3])
-                store_quad(new_velocity, k, new_v[0], new_v[1], new_v[2], zero)
-
-        return make_kernel(cloth_rk4, variant_name(real, math, parts, stage), **kernel_options(math))
-
-    return [make_stage(stage) for stage in range(4)]
+    return [compiled(stage) for stage in range(4)]

@@ -19,7 +19,6 @@ through the second-level cache, about 600 cycles or 0.35 us.
 from __future__ import annotations
 
 from functools import cache
-from math import prod
 from typing import Any
 
 import numpy as np
@@ -28,73 +27,148 @@ from numba import cuda
 from softlab.gpu_backend.core.blocks import PATIENCE, raise_flag, read_flag
 from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
 from softlab.gpu_backend.core.device import ALIGNMENT, simulated
+from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.messages import make_messages, pause
 from softlab.gpu_backend.core.planes import near
 from softlab.gpu_backend.core.tiling import Tile
 from softlab.gpu_backend.core.world import Cell, World
-from softlab.gpu_backend.mass_spring.cloth.strips import Moment, Strip
-from softlab.gpu_backend.mass_spring.cloth.tiles import cloth_blocks_together, make_tile_parts
-from softlab.gpu_backend.mass_spring.cloth.tiling import fields, plane_shape
+from softlab.gpu_backend.mass_spring.cloth.moves import kicks_of
+from softlab.gpu_backend.mass_spring.cloth.point import cloth_features, current_step, open_functions
+from softlab.gpu_backend.mass_spring.cloth.strips import Moment, Strip, put, sides, step_strip, strip_functions
+from softlab.gpu_backend.mass_spring.cloth.tiles import (
+    air_of,
+    around,
+    border_bits,
+    clear,
+    cloth_blocks_together,
+    cloth_tile_features,
+    first_air,
+    place_of,
+    read,
+    read_other,
+    write,
+)
+from softlab.gpu_backend.mass_spring.tile_bits import bits_between
+from softlab.model.base.tuples import reader
+from softlab.model.base.variant import FEATURE, Open, filled, inlined_routine, real, routine
+from softlab.model.contact.cloth_parameters import CLOTH_PARAMETERS
 
 # Cycles between a block's own sending and its first check of others' messages. All blocks send at about the same time,
 # and a check that comes a little too soon costs another memory access, about 600 cycles.
 FIRST_CHECK = 0
+constants = Open("constants(parameters): the record's values, read once")
+receive = Open("receive(messages, at, tag): of core/messages.py")
+scalar = Open("scalar: type of a number, in the form for shared arrays")
+send = Open("send(messages, at, x, y, z, tag): of core/messages.py")
 
 
-@cache
-def _make_publish(real: Any, math: str, keeps: bool) -> Any:
-    send = make_messages(real).send
-
-    @inlined(math)
-    def publish(k, x, y, z, vx, vy, vz, post):
-        border_position, border_velocity, turn, tag = post
-        at = np.int32(turn + k)
-        send(border_position, at, x, y, z, tag)
-        if keeps:
-            send(border_velocity, at, vx, vy, vz, tag)
-
-    return publish
+@inlined_routine
+def send_mass(k, x, y, z, vx, vy, vz, post):
+    border_position, border_velocity, turn, tag = post
+    at = np.int32(turn + k)
+    send(border_position, at, x, y, z, tag)
+    if FEATURE.fields == 6:
+        send(border_velocity, at, vx, vy, vz, tag)
 
 
-@cache
-def _make_fetch(real: Any, math: str, keeps: bool, most: int, put: Any, first_check: int) -> Any:
-    """Make fetch(border_position, border_velocity, turn, tag, shared, new, numbers, places, wanted, failed).
+@inlined_routine
+def fetch(border_position, border_velocity, turn, tag, shared, new, numbers, places, wanted, failed):
+    """Wait for the messages of the masses whose bit is set in `wanted`, and write them into the copy of the planes at
+    `new`."""
+    x, y = cuda.local.array(FEATURE.fetched, real), cuda.local.array(FEATURE.fetched, real)
+    z = cuda.local.array(FEATURE.fetched, real)
+    vx, vy = cuda.local.array(FEATURE.fetched, real), cuda.local.array(FEATURE.fetched, real)
+    vz = cuda.local.array(FEATURE.fetched, real)
+    checks = np.int32(0)
+    if FIRST_CHECK > 0:
+        pause(np.int32(FIRST_CHECK))
+    while wanted != 0:
+        come = np.int32(0)
+        for m in range(FEATURE.fetched):  # all are loaded before the first is waited for
+            if wanted & np.int32(1 << m):
+                at = np.int32(turn + numbers[m])
+                x[m], y[m], z[m], here = receive(border_position, at, tag)
+                vx[m], vy[m], vz[m] = 0.0, 0.0, 0.0
+                if FEATURE.fields == 6:
+                    vx[m], vy[m], vz[m], also = receive(border_velocity, at, tag)
+                    here = here and also
+                if here:
+                    come = come | np.int32(1 << m)
+        for m in range(FEATURE.fetched):
+            if come & np.int32(1 << m):
+                put(shared, np.int32(new + places[m]), x[m], y[m], z[m], vx[m], vy[m], vz[m])
+        wanted = wanted & ~come
+        checks += np.int32(1)
+        if checks > PATIENCE or ((checks & 1023) == 0 and read_flag(failed, 0) != 0):
+            raise_flag(failed, 0, np.int32(1))
+            break
 
-    It waits for the messages of the masses whose bit is set in `wanted`, and writes them into the copy of the planes at
-    `new`.
-    """
-    receive = make_messages(real).receive
-    zero = real(0)
 
-    @inlined(math)
-    def fetch(border_position, border_velocity, turn, tag, shared, new, numbers, places, wanted, failed):
-        x, y, z = cuda.local.array(most, real), cuda.local.array(most, real), cuda.local.array(most, real)
-        vx, vy, vz = cuda.local.array(most, real), cuda.local.array(most, real), cuda.local.array(most, real)
-        checks = np.int32(0)
-        if first_check > 0:
-            pause(np.int32(first_check))
-        while wanted != 0:
-            come = np.int32(0)
-            for m in range(most):  # all are loaded before the first is waited for
-                if wanted & np.int32(1 << m):
-                    at = np.int32(turn + numbers[m])
-                    x[m], y[m], z[m], here = receive(border_position, at, tag)
-                    vx[m], vy[m], vz[m] = zero, zero, zero
-                    if keeps:
-                        vx[m], vy[m], vz[m], also = receive(border_velocity, at, tag)
-                        here = here and also
-                    if here:
-                        come = come | np.int32(1 << m)
-            for m in range(most):
-                if come & np.int32(1 << m):
-                    put(shared, np.int32(new + places[m]), x[m], y[m], z[m], vx[m], vy[m], vz[m])
-            wanted = wanted & ~come
-            checks += np.int32(1)
-            if checks > PATIENCE or ((checks & 1023) == 0 and read_flag(failed, 0) != 0):
-                raise_flag(failed, 0, np.int32(1))
-                break
+@inlined_routine
+def renew(shared, at, strange, vx, vy, vz):
+    """Load the velocities of masses of other threads into registers."""
+    for r in range(FEATURE.strip):
+        if strange & np.int32(1 << r):
+            place = np.int32(at + np.int32(r) * np.int32(FEATURE.pitch))
+            vx[r], vy[r] = near(shared, place, 3 * FEATURE.area), near(shared, place, 4 * FEATURE.area)
+            vz[r] = near(shared, place, 5 * FEATURE.area)
 
-    return fetch
+
+@routine
+def cloth_resident(
+    position, velocity, new_position, new_velocity, border_position, border_velocity, epoch, failed, record, bodies,
+    integers, counter, passes, rows, columns,
+):  # fmt: skip
+    parameters = record[0]
+    shared = cuda.shared.array(0, scalar, alignment=ALIGNMENT)
+    vx, vy = cuda.local.array(FEATURE.strip, real), cuda.local.array(FEATURE.strip, real)
+    vz = cuda.local.array(FEATURE.strip, real)
+    numbers, places = cuda.local.array(FEATURE.fetched, np.int32), cuda.local.array(FEATURE.fetched, np.int32)
+    rows, columns, thread = np.int32(rows), np.int32(columns), np.int32(cuda.threadIdx.x)
+    i, j, k, place, extent = place_of(rows, columns)
+    _, row_first, row_end, _, column_first, column_end = extent
+    owned_rows = np.int32(0)
+    if j >= column_first and j < column_end:
+        owned_rows = bits_between(row_first, row_end, i)
+    border = border_bits(owned_rows, i, j, extent, rows, columns)
+    values, where = constants(parameters), sides(Cell(i, j, rows, columns))
+    world = World(values, bodies, integers)
+    first = current_step(counter, np.int64(0))
+    clear(shared, thread)
+    cuda.syncthreads()
+    pin_bits = read(position, velocity, shared, place, (vx, vy, vz), k, columns)
+    wanted = np.int32(0)
+    for m in range(FEATURE.fetched):
+        other = np.int32(thread + np.int32(m) * np.int32(FEATURE.threads))
+        numbers[m], places[m] = around(other, extent, rows, columns)
+        if numbers[m] >= 0:
+            wanted = wanted | np.int32(1 << m)
+            read_other(position, velocity, shared, numbers[m], places[m])
+    first_air(values, integers, first, shared, thread)
+    cuda.syncthreads()
+    old, turn, tag, left = np.int32(0), np.int32(0), np.int32(epoch), np.int32(FEATURE.halo)
+    particles = np.int32(rows * columns)
+    for number in range(passes):
+        new, now = np.int32(np.int32(FEATURE.fields * FEATURE.area) - old), first + number
+        left = np.int32(left - 1)
+        exchange = left == 0 and number + 1 < passes
+        active, sending = np.int32((1 << FEATURE.strip) - 1), np.int32(0)
+        if exchange:
+            active, sending, left = owned_rows, border, np.int32(FEATURE.halo)
+            tag = np.int32(tag + 1)
+        air = air_of(values, integers, now, shared, thread, number)
+        masses = Strip(where, active, sending, pin_bits, vx, vy, vz)
+        moment = Moment(position, world, now, air, (border_position, border_velocity, turn, tag))
+        step_strip(shared, old, new, place, masses, k, columns, moment)
+        if exchange:
+            fetch(border_position, border_velocity, turn, tag, shared, new, numbers, places, wanted, failed)
+            turn = np.int32(particles - turn)
+        cuda.syncthreads()
+        if FEATURE.halo > 1:
+            if exchange:
+                renew(shared, np.int32(new + place), np.int32((1 << FEATURE.strip) - 1) & ~owned_rows, vx, vy, vz)
+        old = new
+    write(position, new_position, new_velocity, owned_rows, shared, np.int32(old + place), (vx, vy, vz), k, columns)
 
 
 @cache
@@ -108,81 +182,16 @@ def make_cloth_resident(real: Any, math: str, integrator: str, parts: frozenset[
     `failed` (1,) int32 is set to 1 by a block whose messages never arrive. Launched cooperatively, one block per tile,
     of tile.threads threads in a row, and tiling.tile_bytes of shared memory.
     """
-    keeps = fields(tile, parts) == 6
-    f = make_tile_parts(real, math, integrator, parts, tile, _make_publish(real, math, keeps))
-    constants, sides, step, place_of, bits_between = f.constants, f.sides, f.step, f.place_of, f.bits_between
-    clear, read, read_other, write, around = f.clear, f.read, f.read_other, f.write, f.around
-    first_air, air_of, current_step = f.first_air, f.air_of, f.current_step
-    half, most, pitch, border_bits = f.half, f.most, f.pitch, f.border_bits
-    fetch = _make_fetch(real, math, keeps, most, f.put, FIRST_CHECK)
-    area, renews = prod(plane_shape(tile, parts)), tile.halo > 1
-    strip, threads, halo = tile.strip, np.int32(tile.threads), tile.halo
-    scalar = np.dtype(real) if simulated() else real
-    every, nothing = np.int32((1 << strip) - 1), np.int32(0)
-    inline = inlined(math)
-
-    @inline
-    def renew(shared, at, strange, vx, vy, vz):
-        """Load the velocities of masses of other threads into registers."""
-        for r in range(strip):
-            if strange & np.int32(1 << r):
-                place = np.int32(at + np.int32(r) * pitch)
-                vx[r], vy[r] = near(shared, place, 3 * area), near(shared, place, 4 * area)
-                vz[r] = near(shared, place, 5 * area)
-
-    def cloth_resident(
-        position, velocity, new_position, new_velocity, border_position, border_velocity, epoch, failed, record, bodies,
-        integers, counter, passes, rows, columns,
-    ):  # fmt: skip
-        parameters = record[0]
-        shared = cuda.shared.array(0, scalar, alignment=ALIGNMENT)
-        vx, vy, vz = cuda.local.array(strip, real), cuda.local.array(strip, real), cuda.local.array(strip, real)
-        numbers, places = cuda.local.array(most, np.int32), cuda.local.array(most, np.int32)
-        rows, columns, thread = np.int32(rows), np.int32(columns), np.int32(cuda.threadIdx.x)
-        i, j, k, place, extent = place_of(rows, columns)
-        _, row_first, row_end, _, column_first, column_end = extent
-        owned_rows = nothing
-        if j >= column_first and j < column_end:
-            owned_rows = bits_between(row_first, row_end, i)
-        border = border_bits(owned_rows, i, j, extent, rows, columns)
-        values, where = constants(parameters), sides(Cell(i, j, rows, columns))
-        world = World(values, bodies, integers)
-        first = current_step(counter, np.int64(0))
-        clear(shared, thread)
-        cuda.syncthreads()
-        pin_bits = read(position, velocity, shared, place, (vx, vy, vz), k, columns)
-        wanted = nothing
-        for m in range(most):
-            numbers[m], places[m] = around(np.int32(thread + np.int32(m) * threads), extent, rows, columns)
-            if numbers[m] >= 0:
-                wanted = wanted | np.int32(1 << m)
-                read_other(position, velocity, shared, numbers[m], places[m])
-        first_air(values, integers, first, shared, thread)
-        cuda.syncthreads()
-        old, turn, tag, left = np.int32(0), np.int32(0), np.int32(epoch), np.int32(halo)
-        particles = np.int32(rows * columns)
-        for number in range(passes):
-            new, now = np.int32(half - old), first + number
-            left = np.int32(left - 1)
-            exchange = left == 0 and number + 1 < passes
-            active, sending = every, nothing
-            if exchange:
-                active, sending, left = owned_rows, border, np.int32(halo)
-                tag = np.int32(tag + 1)
-            air = air_of(values, integers, now, shared, thread, number)
-            masses = Strip(where, active, sending, pin_bits, vx, vy, vz)
-            moment = Moment(position, world, now, air, (border_position, border_velocity, turn, tag))
-            step(shared, old, new, place, masses, k, columns, moment)
-            if exchange:
-                fetch(border_position, border_velocity, turn, tag, shared, new, numbers, places, wanted, failed)
-                turn = np.int32(particles - turn)
-            cuda.syncthreads()
-            if renews:
-                if exchange:
-                    renew(shared, np.int32(new + place), every & ~owned_rows, vx, vy, vz)
-            old = new
-        write(position, new_position, new_velocity, owned_rows, shared, np.int32(old + place), (vx, vy, vz), k, columns)
-
+    kicks, messages = kicks_of(integrator), make_messages(real)
+    names = {
+        **open_functions(real, math, integrator, parts), **strip_functions(tile.strip, parts),
+        "constants": reader(CLOTH_PARAMETERS, inlined(math)), "kick": kicks.get("middle", kicks.get("step")),
+        "publish": send_mass, "receive": messages.receive, "scalar": np.dtype(real) if simulated() else real,
+        "send": messages.send,
+    }  # fmt: skip
+    variant = device_variant(real, math, {**cloth_features(integrator, parts), **cloth_tile_features(tile, parts)})
     bounds = (tile.threads, cloth_blocks_together(real, tile, parts))
-    variant = variant_name(real, math, integrator, parts, tile.name, FIRST_CHECK)
-    return make_kernel(cloth_resident, variant, launch_bounds=bounds, **kernel_options(math))
+    label = variant_name(real, math, integrator, parts, tile.name, FIRST_CHECK)
+    return make_kernel(
+        variant.copied(filled(cloth_resident, names)), label, launch_bounds=bounds, **kernel_options(math)
+    )

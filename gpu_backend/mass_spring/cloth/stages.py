@@ -6,6 +6,7 @@ In all, `a` is the acceleration (quads), and a thread processes one mass.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
 from typing import Any
@@ -13,166 +14,186 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from softlab.gpu_backend.contact.colliders import make_collide
-from softlab.gpu_backend.contact.pins import make_pins
-from softlab.gpu_backend.core.compile import kernel_options, make_kernels, variant_name
+from softlab.gpu_backend.core.compile import kernels_of, variant_name
 from softlab.gpu_backend.core.forces import bind_forces
-from softlab.gpu_backend.core.formulas import device_formulas
+from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
-from softlab.gpu_backend.core.wind import make_block_air
 from softlab.gpu_backend.core.world import Cell, World
-from softlab.gpu_backend.mass_spring.cloth.point import make_cloth_forces
+from softlab.gpu_backend.mass_spring.cloth.point import (
+    block_air,
+    cloth_features,
+    damp,
+    open_functions,
+    pin,
+    spring_sum,
+    wind_sum,
+)
+from softlab.gpu_backend.mass_spring.cloth.point import collide as collide_point
 from softlab.model.base.types import Real
-from softlab.model.core.integrators import step_formula
+from softlab.model.base.variant import filled, routine
 from softlab.model.core.plan import Moment, StageRun
-from softlab.model.formulas import integrators
+from softlab.model.formulas.integrators import one_force, rk4_stage, verlet_first_half, verlet_second_half
+
+
+@routine
+def spring_forces(position, velocity, record, a, rows, columns):
+    parameters = record[0]
+    k = np.int32(cuda.grid(1))
+    if k < a.size // SIZE:
+        rows, columns = np.int32(rows), np.int32(columns)
+        i, j = np.int32(k // columns), np.int32(k % columns)
+        p, v = load_quad(position, k), load_quad(velocity, k)
+        ax, ay, az = spring_sum(position, velocity, k, Cell(i, j, rows, columns), p, v, parameters)
+        store_quad(a, k, ax, ay, az, 0.0)
+
+
+@routine
+def no_forces(a):
+    k = np.int32(cuda.grid(1))
+    if k < a.size // SIZE:
+        store_quad(a, k, 0.0, 0.0, 0.0, 0.0)
+
+
+@routine
+def wind(position, velocity, record, integers, step, offset, a, rows, columns):
+    parameters = record[0]
+    air = block_air(parameters, integers, step, offset)
+    k = np.int32(cuda.grid(1))
+    if k < a.size // SIZE:
+        rows, columns = np.int32(rows), np.int32(columns)
+        i, j = np.int32(k // columns), np.int32(k % columns)
+        p, v, b = load_quad(position, k), load_quad(velocity, k), load_quad(a, k)
+        x, y, z = wind_sum(position, velocity, k, Cell(i, j, rows, columns), p, v, parameters, air)
+        store_quad(a, k, b[0] + x, b[1] + y, b[2] + z, 0.0)
+
+
+@routine
+def damping(velocity, record, a):
+    parameters = record[0]
+    k = np.int32(cuda.grid(1))
+    if k < a.size // SIZE:
+        b = load_quad(a, k)
+        ax, ay, az = damp(b[0], b[1], b[2], load_quad(velocity, k), parameters)
+        store_quad(a, k, ax, ay, az, 0.0)
+
+
+@routine
+def integrate(position, velocity, a, record):
+    parameters = record[0]
+    k = np.int32(cuda.grid(1))
+    if k < position.size // SIZE:
+        p, v, b = load_quad(position, k), load_quad(velocity, k), load_quad(a, k)
+        dt, half_dt_squared = parameters.dt, parameters.half_dt_squared
+        px, vx = one_force(p[0], v[0], b[0], dt, half_dt_squared)
+        py, vy = one_force(p[1], v[1], b[1], dt, half_dt_squared)
+        pz, vz = one_force(p[2], v[2], b[2], dt, half_dt_squared)
+        store_quad(position, k, px, py, pz, p[3])
+        store_quad(velocity, k, vx, vy, vz, 0.0)
+
+
+@routine
+def first_kick(position, velocity, a, record):
+    parameters = record[0]
+    k = np.int32(cuda.grid(1))
+    if k < position.size // SIZE:
+        p, v, b = load_quad(position, k), load_quad(velocity, k), load_quad(a, k)
+        dt, half_dt, rate = parameters.dt, parameters.half_dt, parameters.damping
+        px, vx = verlet_first_half(p[0], v[0], b[0], dt, half_dt, rate)
+        py, vy = verlet_first_half(p[1], v[1], b[1], dt, half_dt, rate)
+        pz, vz = verlet_first_half(p[2], v[2], b[2], dt, half_dt, rate)
+        store_quad(position, k, px, py, pz, p[3])
+        store_quad(velocity, k, vx, vy, vz, 0.0)
+
+
+@routine
+def second_kick(velocity, a, record):
+    parameters = record[0]
+    k = np.int32(cuda.grid(1))
+    if k < velocity.size // SIZE:
+        v, b = load_quad(velocity, k), load_quad(a, k)
+        half_dt, inverse_damping = parameters.half_dt, parameters.inverse_damping
+        vx = verlet_second_half(v[0], b[0], half_dt, inverse_damping)
+        vy = verlet_second_half(v[1], b[1], half_dt, inverse_damping)
+        vz = verlet_second_half(v[2], b[2], half_dt, inverse_damping)
+        store_quad(velocity, k, vx, vy, vz, 0.0)
+
+
+@routine
+def accumulate(stage, base, rate, total, record, out):
+    """Do one stage of RK4 on one array of unknowns (positions or velocities); the fourth writes the new state."""
+    parameters = record[0]
+    k = np.int32(cuda.grid(1))
+    if k < base.size // SIZE:
+        derivative_dt = parameters.dt if stage == 3 else parameters.half_dt
+        total_dt = parameters.sixth_dt if stage == 1 or stage == 4 else parameters.third_dt
+        b, r = load_quad(base, k), load_quad(rate, k)
+        before = b if stage == 1 else load_quad(total, k)
+        x, sum_x = rk4_stage(b[0], r[0], before[0], derivative_dt, total_dt)
+        y, sum_y = rk4_stage(b[1], r[1], before[1], derivative_dt, total_dt)
+        z, sum_z = rk4_stage(b[2], r[2], before[2], derivative_dt, total_dt)
+        store_quad(total, k, sum_x, sum_y, sum_z, 0.0)
+        if stage == 4:
+            x, y, z = sum_x, sum_y, sum_z
+        store_quad(out, k, x, y, z, b[3])
+
+
+@routine
+def collide(before, position, velocity, record, bodies, integers, step):
+    world = World(record[0], bodies, integers)
+    k = np.int32(cuda.grid(1))
+    if k < position.size // SIZE:
+        old, p, v = load_quad(before, k), load_quad(position, k), load_quad(velocity, k)
+        px, py, pz, vx, vy, vz = collide_point(old, p[0], p[1], p[2], v[0], v[1], v[2], world, step)
+        store_quad(position, k, px, py, pz, p[3])
+        store_quad(velocity, k, vx, vy, vz, 0.0)
+
+
+@routine
+def pins(stored, position, velocity):
+    k = np.int32(cuda.grid(1))
+    if k < position.size // SIZE:
+        h = load_quad(stored, k)
+        if h[3] != 0.0:
+            store_quad(position, k, h[0], h[1], h[2], h[3])
+            store_quad(velocity, k, 0.0, 0.0, 0.0, 0.0)
+
+
+@routine
+def moving_pins(position, velocity, record, bodies, step, halfway):
+    world = World(record[0], bodies, None)
+    k = np.int32(cuda.grid(1))
+    if k < position.size // SIZE:
+        p = load_quad(position, k)
+        if p[3] != 0.0:
+            x, y, z, vx, vy, vz = pin(p[3], p, step, halfway != 0, world)
+            store_quad(position, k, x, y, z, p[3])
+            store_quad(velocity, k, vx, vy, vz, 0.0)
+
+
+def _compiled(real: Real, math: str, integrator: str, parts: frozenset[str], *kernels: Callable) -> SimpleNamespace:
+    functions = open_functions(real, math, integrator, parts)
+    functions = {**functions, "collide_point": functions["collide"]}
+    variant = device_variant(real, math, cloth_features(integrator, parts))
+    label = f"cloth_{variant_name(real, math, integrator, parts)}"
+    return kernels_of(variant, math, [filled(kernel, functions) for kernel in kernels], label)
 
 
 @cache
 def make_force_stages(real: Real, math: str, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
     """Compile the stages that sum the acceleration: springs, wind, damping. core/forces.py has other forces."""
-    point = make_cloth_forces(real, math, parts)
-    block_air = make_block_air(real, math, parts)
-    spring_sum, wind_sum, damp_point = point.spring_sum, point.wind_sum, point.damp
-    zero = real(0)
-
-    def spring_forces(position, velocity, record, a, rows, columns):
-        parameters = record[0]
-        k = np.int32(cuda.grid(1))
-        if k < a.size // SIZE:
-            rows, columns = np.int32(rows), np.int32(columns)
-            i, j = np.int32(k // columns), np.int32(k % columns)
-            p, v = load_quad(position, k), load_quad(velocity, k)
-            ax, ay, az = spring_sum(position, velocity, k, Cell(i, j, rows, columns), p, v, parameters)
-            store_quad(a, k, ax, ay, az, zero)
-
-    def no_forces(a):
-        k = np.int32(cuda.grid(1))
-        if k < a.size // SIZE:
-            store_quad(a, k, zero, zero, zero, zero)
-
-    def wind(position, velocity, record, integers, step, offset, a, rows, columns):
-        parameters = record[0]
-        air = block_air(parameters, integers, step, offset)
-        k = np.int32(cuda.grid(1))
-        if k < a.size // SIZE:
-            rows, columns = np.int32(rows), np.int32(columns)
-            i, j = np.int32(k // columns), np.int32(k % columns)
-            p, v, b = load_quad(position, k), load_quad(velocity, k), load_quad(a, k)
-            x, y, z = wind_sum(position, velocity, k, Cell(i, j, rows, columns), p, v, parameters, air)
-            store_quad(a, k, b[0] + x, b[1] + y, b[2] + z, zero)
-
-    def damping(velocity, record, a):
-        parameters = record[0]
-        k = np.int32(cuda.grid(1))
-        if k < a.size // SIZE:
-            b = load_quad(a, k)
-            ax, ay, az = damp_point(b[0], b[1], b[2], load_quad(velocity, k), parameters)
-            store_quad(a, k, ax, ay, az, zero)
-
-    kernels = (spring_forces, no_forces, wind, damping)
-    return make_kernels(kernels, f"cloth_{variant_name(real, math, integrator, parts)}", **kernel_options(math))
+    return _compiled(real, math, integrator, parts, spring_forces, no_forces, wind, damping)
 
 
 @cache
 def make_motion_stages(real: Real, math: str, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
     """Compile the stages that move masses."""
-    formulas = device_formulas(integrators, real, math, {"damped": True})
-    first_half, second_half, rk4_stage = formulas.verlet_first_half, formulas.verlet_second_half, formulas.rk4_stage
-    one_force = formulas.variant(step_formula(integrator))
-    zero = real(0)
-
-    def integrate(position, velocity, a, record):
-        parameters = record[0]
-        k = np.int32(cuda.grid(1))
-        if k < position.size // SIZE:
-            p, v, b = load_quad(position, k), load_quad(velocity, k), load_quad(a, k)
-            dt, half_dt_squared = parameters.dt, parameters.half_dt_squared
-            px, vx = one_force(p[0], v[0], b[0], dt, half_dt_squared)
-            py, vy = one_force(p[1], v[1], b[1], dt, half_dt_squared)
-            pz, vz = one_force(p[2], v[2], b[2], dt, half_dt_squared)
-            store_quad(position, k, px, py, pz, p[3])
-            store_quad(velocity, k, vx, vy, vz, zero)
-
-    def first_kick(position, velocity, a, record):
-        parameters = record[0]
-        k = np.int32(cuda.grid(1))
-        if k < position.size // SIZE:
-            p, v, b = load_quad(position, k), load_quad(velocity, k), load_quad(a, k)
-            dt, half_dt, rate = parameters.dt, parameters.half_dt, parameters.damping
-            px, vx = first_half(p[0], v[0], b[0], dt, half_dt, rate)
-            py, vy = first_half(p[1], v[1], b[1], dt, half_dt, rate)
-            pz, vz = first_half(p[2], v[2], b[2], dt, half_dt, rate)
-            store_quad(position, k, px, py, pz, p[3])
-            store_quad(velocity, k, vx, vy, vz, zero)
-
-    def second_kick(velocity, a, record):
-        parameters = record[0]
-        k = np.int32(cuda.grid(1))
-        if k < velocity.size // SIZE:
-            v, b = load_quad(velocity, k), load_quad(a, k)
-            half_dt, inverse_damping = parameters.half_dt, parameters.inverse_damping
-            vx = second_half(v[0], b[0], half_dt, inverse_damping)
-            vy = second_half(v[1], b[1], half_dt, inverse_damping)
-            vz = second_half(v[2], b[2], half_dt, inverse_damping)
-            store_quad(velocity, k, vx, vy, vz, zero)
-
-    def accumulate(stage, base, rate, total, record, out):
-        """Do one stage of RK4 on one array of unknowns (positions or velocities); the fourth writes the new state."""
-        parameters = record[0]
-        k = np.int32(cuda.grid(1))
-        if k < base.size // SIZE:
-            derivative_dt = parameters.dt if stage == 3 else parameters.half_dt
-            total_dt = parameters.sixth_dt if stage == 1 or stage == 4 else parameters.third_dt
-            b, r = load_quad(base, k), load_quad(rate, k)
-            before = b if stage == 1 else load_quad(total, k)
-            x, sum_x = rk4_stage(b[0], r[0], before[0], derivative_dt, total_dt)
-            y, sum_y = rk4_stage(b[1], r[1], before[1], derivative_dt, total_dt)
-            z, sum_z = rk4_stage(b[2], r[2], before[2], derivative_dt, total_dt)
-            store_quad(total, k, sum_x, sum_y, sum_z, zero)
-            if stage == 4:
-                x, y, z = sum_x, sum_y, sum_z
-            store_quad(out, k, x, y, z, b[3])
-
-    kernels = (integrate, first_kick, second_kick, accumulate)
-    return make_kernels(kernels, f"cloth_{variant_name(real, math, integrator, parts)}", **kernel_options(math))
+    return _compiled(real, math, integrator, parts, integrate, first_kick, second_kick, accumulate)
 
 
 @cache
 def make_bound_stages(real: Real, math: str, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
     """Compile the stages that constrain masses: colliders and pins."""
-    collide_point, pin = make_collide(real, math, parts), make_pins(real, math, parts).pin
-    zero = real(0)
-
-    def collide(before, position, velocity, record, bodies, integers, step):
-        world = World(record[0], bodies, integers)
-        k = np.int32(cuda.grid(1))
-        if k < position.size // SIZE:
-            old, p, v = load_quad(before, k), load_quad(position, k), load_quad(velocity, k)
-            px, py, pz, vx, vy, vz = collide_point(old, p[0], p[1], p[2], v[0], v[1], v[2], world, step)
-            store_quad(position, k, px, py, pz, p[3])
-            store_quad(velocity, k, vx, vy, vz, zero)
-
-    def pins(stored, position, velocity):
-        k = np.int32(cuda.grid(1))
-        if k < position.size // SIZE:
-            h = load_quad(stored, k)
-            if h[3] != zero:
-                store_quad(position, k, h[0], h[1], h[2], h[3])
-                store_quad(velocity, k, zero, zero, zero, zero)
-
-    def moving_pins(position, velocity, record, bodies, step, halfway):
-        world = World(record[0], bodies, None)
-        k = np.int32(cuda.grid(1))
-        if k < position.size // SIZE:
-            p = load_quad(position, k)
-            if p[3] != zero:
-                x, y, z, vx, vy, vz = pin(p[3], p, step, halfway != 0, world)
-                store_quad(position, k, x, y, z, p[3])
-                store_quad(velocity, k, vx, vy, vz, zero)
-
-    kernels = (collide, pins, moving_pins)
-    return make_kernels(kernels, f"cloth_{variant_name(real, math, integrator, parts)}", **kernel_options(math))
+    return _compiled(real, math, integrator, parts, collide, pins, moving_pins)
 
 
 def bind_cloth_stages(sim: Any) -> dict[str, StageRun]:

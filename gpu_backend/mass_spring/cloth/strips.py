@@ -15,62 +15,32 @@ whether the compiler unrolls loops or not.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import cache
-from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from softlab.gpu_backend.core.compile import inlined
 from softlab.gpu_backend.core.planes import near, put_near
 from softlab.gpu_backend.core.quads import load_quad
-from softlab.gpu_backend.core.tiling import Tile
-from softlab.gpu_backend.core.wind import make_wind
 from softlab.gpu_backend.core.world import World
-from softlab.gpu_backend.mass_spring.cloth.moves import make_cloth_kicks
-from softlab.gpu_backend.mass_spring.cloth.point import make_accelerations
-from softlab.gpu_backend.mass_spring.cloth.tiling import fields, needs_velocities, plane_shape, stencil_rows
-from softlab.model.base.tuples import reader
-from softlab.model.contact.cloth_parameters import CLOTH_PARAMETERS
+from softlab.gpu_backend.mass_spring.cloth.moves import kick
+from softlab.gpu_backend.mass_spring.cloth.point import carried, k_damping, k_rest, k_stiffness, paired, wind_of
+from softlab.model.base.variant import FEATURE, Open, filled, inlined_routine
+from softlab.model.contact.cloth_parameters import CLOTH_PARAMETERS, spring_constants
+from softlab.model.formulas.springs import damped_pull_3d, spring_acceleration_3d
+from softlab.model.tables.cloth import SPRING_KINDS
 
 WEST, EAST, NORTH, SOUTH, WEST_2, EAST_2, NORTH_2, SOUTH_2 = (1 << n for n in range(8))  # where the sheet continues
-
-
-def _make_planes(real: Any, math: str, parts: frozenset[str], tile: Tile) -> tuple[Any, Any]:
-    """Make make_load(distance) -> load(shared, place) -> (x, y, z, vx, vy, vz), of the mass `distance` places on, and
-    make_put(distance, with_velocity) -> put(shared, place, x, y, z, vx, vy, vz)."""
-    plane_rows, pitch = plane_shape(tile, parts)
-    area, moving, zero, inline = plane_rows * pitch, needs_velocities(parts), real(0), inlined(math)
-
-    def make_load(distance: int) -> Any:
-        @inline
-        def load(shared, place):
-            x, y = near(shared, place, distance), near(shared, place, distance + area)
-            z = near(shared, place, distance + 2 * area)
-            if moving:
-                return (
-                    x, y, z, near(shared, place, distance + 3 * area), near(shared, place, distance + 4 * area),
-                    near(shared, place, distance + 5 * area),
-                )  # fmt: skip
-            return x, y, z, zero, zero, zero
-
-        return load
-
-    def make_put(distance: int, with_velocity: bool) -> Any:
-        @inline
-        def put(shared, place, x, y, z, vx, vy, vz):
-            put_near(shared, place, distance, x)
-            put_near(shared, place, distance + area, y)
-            put_near(shared, place, distance + 2 * area, z)
-            if with_velocity:
-                put_near(shared, place, distance + 3 * area, vx)
-                put_near(shared, place, distance + 4 * area, vy)
-                put_near(shared, place, distance + 5 * area, vz)
-
-        return put
-
-    return make_load, make_put
+ONE, TWO = np.int32(1), np.int32(2)
+# of `mass`: what differs between the masses of a strip
+number = Open("number: of the mass in its strip")
+is_first, is_last, is_near_last = Open("is_first: a bool"), Open("is_last: a bool"), Open("is_near_last: a bool")
+after = Open("after: `mass` of the next mass; of the last one None")
+first_mass = Open("first_mass: `mass` of the strip's first mass")
+publish = Open("publish(k, x, y, z, vx, vy, vz, post): sends a mass")
+has_springs, has_damper = Open("has_springs: a bool"), Open("has_damper: a bool")
+structural, shear, bending = (
+    Open(f"{kind}(q, p, there, parameters): `pull_between` of a kind of springs") for kind in SPRING_KINDS
+)
 
 
 class Window(NamedTuple):
@@ -130,227 +100,206 @@ class Ups(NamedTuple):
     next_above_2: Any
 
 
-def _make_sides(math: str, strip: int) -> tuple[Any, Any]:
-    """Make `sides` (see `make_cloth_strips`) and `make_there`."""
-    inline = inlined(math)
-
-    @inline
-    def sides(cell):
-        i, j, rows, columns = cell.i, cell.j, cell.rows, cell.columns
-        end = np.int32(i + strip)
-        bits = np.int32(0)
-        bits |= WEST if j > 0 else 0
-        bits |= EAST if j < columns - 1 else 0
-        bits |= NORTH if i > 0 else 0
-        bits |= SOUTH if end < rows else 0
-        bits |= WEST_2 if j > 1 else 0
-        bits |= EAST_2 if j < columns - 2 else 0
-        bits |= NORTH_2 if i > 1 else 0
-        bits |= SOUTH_2 if end < rows - 1 else 0
-        return np.int32(bits)
-
-    def make_there(r: int) -> Any:
-        """Make there(sides) of mass r: true if there are masses (above, below, two above, two below)."""
-        first, last, near_last = r == 0, r == strip - 1, r == strip - 2
-
-        @inline
-        def there(sides):
-            north, south, north_2, south_2 = True, True, True, True
-            if first:
-                north, north_2 = sides & NORTH != 0, sides & NORTH_2 != 0
-            if last:
-                south, south_2 = sides & SOUTH != 0, sides & SOUTH_2 != 0
-            if near_last:
-                south_2 = sides & SOUTH != 0
-            return north, south, north_2, south_2
-
-        return there
-
-    return sides, make_there
-
-
-def _make_forces(
-    real: Any, math: str, parts: frozenset[str], tile: Tile, make_load: Any, make_there: Any
-) -> tuple[Any, Any]:
-    """Make `make_springs` and `make_air`, of mass r of a strip."""
-    pulls, wind_of = make_accelerations(real, math, parts), make_wind(real, math, parts).wind_of
-    structural, shear, bending = pulls.structural, pulls.shear, pulls.bending
-    paired, carried = pulls.paired, pulls.carried
-    has_structural, has_shear, has_bending = "structural" in parts, "shear" in parts, "bending" in parts
-    (_, pitch), zero, inline = plane_shape(tile, parts), real(0), inlined(math)
-
-    def make_springs(r: int) -> Any:
-        there, load_here, up_2, first = make_there(r), make_load(r * pitch), make_load((r - 2) * pitch), r == 0
-
-        @inline
-        def spring_sum(shared, places, sides, here, ups, window, parameters):
-            """Return (sum on mass r, which is `here`; the `ups` of the next mass)."""
-            north, south, north_2, south_2 = there(sides)
-            west, east = sides & WEST != 0, sides & EAST != 0
-            above, below, below_2 = window.above, window.below, window.below_2
-            up, up_two, next_up_two = ups.above, ups.above_2, ups.next_above_2
-            if first:
-                up = structural(here, above, north, parameters)
-                up_two = bending(here, up_2(shared, places.here), north_2, parameters)
-                next_up_two = bending(below, above, north, parameters)
-            down, down_two = structural(below, here, south, parameters), bending(below_2, here, south_2, parameters)
-            ax, ay, az = zero, zero, zero
-            if has_structural:
-                right, left = (
-                    structural(window.right, here, True, parameters),
-                    structural(window.left, here, True, parameters),
-                )
-                ax, ay, az = carried(right, left, down, up)
-            if has_shear:
-                hx, hy, hz = paired(
-                    shear(window.right_below, here, east and south, parameters),
-                    shear(window.left_above, here, west and north, parameters),
-                    shear(window.left_below, here, west and south, parameters),
-                    shear(window.right_above, here, east and north, parameters),
-                )
-                if has_structural:
-                    hx, hy, hz = ax + hx, ay + hy, az + hz
-                ax, ay, az = hx, hy, hz
-            if has_bending:
-                right = bending(load_here(shared, places.east_2), here, True, parameters)
-                left = bending(load_here(shared, places.west_2), here, True, parameters)
-                bx, by, bz = carried(right, left, down_two, up_two)
-                if has_structural or has_shear:
-                    bx, by, bz = ax + bx, ay + by, az + bz
-                ax, ay, az = bx, by, bz
-            return (ax, ay, az), Ups(down, next_up_two, down_two)
-
-        return spring_sum
-
-    def make_air(r: int) -> Any:
-        there = make_there(r)
-
-        @inline
-        def wind_on(sides, here, window, parameters, air):
-            north, south, _, _ = there(sides)
-            west, east = sides & WEST != 0, sides & EAST != 0
-            w = window
-            neighbours = (
-                w.right if east else here, w.below if south else here, w.left if west and south else here,
-                w.above if north and east else here, w.right_below if south and east else here, w.left if west else here,
-                w.above if north else here, w.left_above if north and west else here,
-            )  # fmt: skip
-            return wind_of(here, neighbours, parameters, air)
-
-        return wind_on
-
-    return make_springs, make_air
-
-
-def _make_mass(
-    real: Any, math: str, integrator: str, parts: frozenset[str], tile: Tile, publish: Callable, planes: Any, there: Any
-) -> Any:
-    """Make make_mass(r) -> mass(...), the pass of mass r of a strip and of those below it."""
-    make_load, make_put = planes
-    make_springs, make_air = _make_forces(real, math, parts, tile, make_load, there)
-    kicks = make_cloth_kicks(real, math, integrator, parts)
-    kick = kicks.get("middle", kicks.get("step"))
-    has_gravity, has_wind, has_pins = "gravity" in parts, "wind" in parts, "pins" in parts
-    strip, stencil, (_, pitch), moving = (
-        tile.strip,
-        stencil_rows(parts),
-        plane_shape(tile, parts),
-        needs_velocities(parts),
-    )
-    zero, inline = real(0), inlined(math)
-
-    def make_mass(r: int) -> Any:
-        spring_sum, wind_on = make_springs(r), make_air(r)
-        bit, distance = np.int32(1 << r), r * pitch
-        last, put = r == strip - 1, make_put(distance, moving)
-        load_below_2 = make_load((r + 3) * pitch if stencil == 2 else r * pitch)
-        load_below_next = make_load((r + 2) * pitch)
-        after = None if last else make_mass(r + 1)
-
-        @inline
-        def mass(shared, places, new, masses, k, columns, moment, here, ups, window):
-            sides, vx, vy, vz, world = masses.sides, masses.vx, masses.vy, masses.vz, moment.world
-            parameters = world.parameters
-            (ax, ay, az), next_ups = spring_sum(shared, places, sides, here, ups, window, parameters)
-            if has_gravity:
-                ay = ay + parameters.gravity
-            if has_wind:
-                wx, wy, wz = wind_on(sides, here, window, parameters, moment.air)
-                ax, ay, az = ax + wx, ay + wy, az + wz
-            next_here, next_window = here, window
-            if not last:  # loaded before this mass is stored, since no load may overtake a store
-                next_here = window.below
-                next_window = Window(
-                    here, window.below_2 if stencil == 2 else load_below_next(shared, places.here),
-                    load_below_2(shared, places.here), window.left, window.left_below, load_below_next(shared, places.west),
-                    window.right, window.right_below, load_below_next(shared, places.east),
-                )  # fmt: skip
-            if masses.active & bit:
-                mark = zero
-                if has_pins:
-                    if masses.pinned & bit:
-                        mark = load_quad(moment.position, k)[3]
-                p, v = (here[0], here[1], here[2], mark), (vx[r], vy[r], vz[r], zero)
-                px, py, pz, ux, uy, uz = kick(ax, ay, az, k, p, v, world, moment.step)
-                vx[r], vy[r], vz[r] = ux, uy, uz
-                put(shared, new, px, py, pz, ux, uy, uz)
-                if masses.sending & bit:
-                    publish(k, px, py, pz, ux, uy, uz, moment.post)
-            if not last:
-                after(
-                    shared,
-                    places,
-                    new,
-                    masses,
-                    np.int32(k + columns),
-                    columns,
-                    moment,
-                    next_here,
-                    next_ups,
-                    next_window,
-                )
-
-        return mass
-
-    return make_mass
-
-
-@cache
-def make_cloth_strips(
-    real: Any, math: str, integrator: str, parts: frozenset[str], tile: Tile, publish: Callable
-) -> SimpleNamespace:
-    """Make the device functions of a variant on a tile.
-
-    - `constants(parameters)`: the record's values, read once;
-    - `put(shared, place, x, y, z, vx, vy, vz)`: store one mass, its velocity if that is stored;
-    - `sides(cell)`: the bits WEST ... of a strip whose first mass is in row i and column j;
-    - `step(shared, old, new, place, masses, k, columns, moment)`: one pass of the active masses of a Strip, from the copy
-      of the planes that starts at `old` into the one at `new`. k: number of the first mass; `publish(k, x, y, z, vx, vy,
-      vz, post)` is called for those to be sent.
-    """
-    planes, (sides, make_there) = _make_planes(real, math, parts, tile), _make_sides(math, tile.strip)
-    make_load, make_put = planes
-    first_mass = _make_mass(real, math, integrator, parts, tile, publish, planes, make_there)(0)
-    put, (_, pitch) = make_put(0, fields(tile, parts) == 6), plane_shape(tile, parts)
-    load_here, load_above, load_below = make_load(0), make_load(-pitch), make_load(pitch)
-    load_two_below = make_load(2 * pitch if stencil_rows(parts) == 2 else 0)
-    zero, one, two, inline = real(0), np.int32(1), np.int32(2), inlined(math)
-
-    @inline
-    def step(shared, old, new, place, masses, k, columns, moment):
-        base, sides = np.int32(old + place), masses.sides
-        west, east = base - one if sides & WEST else base, base + one if sides & EAST else base
-        west_2, east_2 = base - two if sides & WEST_2 else base, base + two if sides & EAST_2 else base
-        places = Places(base, np.int32(west), np.int32(east), np.int32(west_2), np.int32(east_2))
-        window = Window(
-            load_above(shared, base), load_below(shared, base), load_two_below(shared, base),
-            load_above(shared, places.west), load_here(shared, places.west), load_below(shared, places.west),
-            load_above(shared, places.east), load_here(shared, places.east), load_below(shared, places.east),
+@inlined_routine
+def load(shared, place, distance):
+    """Return (x, y, z, vx, vy, vz) of the mass `distance` places on."""
+    x, y = near(shared, place, distance), near(shared, place, distance + FEATURE.area)
+    z = near(shared, place, distance + 2 * FEATURE.area)
+    if FEATURE.moving:
+        return (
+            x, y, z, near(shared, place, distance + 3 * FEATURE.area), near(shared, place, distance + 4 * FEATURE.area),
+            near(shared, place, distance + 5 * FEATURE.area),
         )  # fmt: skip
-        none = (zero, zero, zero)
-        first_mass(
-            shared, places, np.int32(new + place), masses, k, columns, moment, load_here(shared, base),
-            Ups(none, none, none), window,
+    return x, y, z, 0.0, 0.0, 0.0
+
+
+@inlined_routine
+def put_position(shared, place, distance, x, y, z):
+    put_near(shared, place, distance, x)
+    put_near(shared, place, distance + FEATURE.area, y)
+    put_near(shared, place, distance + 2 * FEATURE.area, z)
+
+
+@inlined_routine
+def put_velocity(shared, place, distance, vx, vy, vz):
+    put_near(shared, place, distance + 3 * FEATURE.area, vx)
+    put_near(shared, place, distance + 4 * FEATURE.area, vy)
+    put_near(shared, place, distance + 5 * FEATURE.area, vz)
+
+
+@inlined_routine
+def put(shared, place, x, y, z, vx, vy, vz):
+    """Store one mass, its velocity if that is stored."""
+    put_position(shared, place, 0, x, y, z)
+    if FEATURE.fields == 6:
+        put_velocity(shared, place, 0, vx, vy, vz)
+
+
+@inlined_routine
+def pull_between(q, p, there, parameters):
+    """Return the pull on the mass p by a spring to q, both (x, y, z, vx, vy, vz); none unless `there`."""
+    if not has_springs:
+        return 0.0, 0.0, 0.0
+    stiffness, rest = parameters[k_stiffness] if there else 0.0, parameters[k_rest] if there else 0.0
+    dx, dy, dz = q[0] - p[0], q[1] - p[1], q[2] - p[2]
+    if has_damper:
+        damping = parameters[k_damping] if there else 0.0
+        return damped_pull_3d(dx, dy, dz, q[3] - p[3], q[4] - p[4], q[5] - p[5], stiffness, rest, damping)
+    return spring_acceleration_3d(dx, dy, dz, stiffness, rest)
+
+
+@inlined_routine
+def sides(cell):
+    """Return the bits WEST ... of a strip whose first mass is in row i and column j."""
+    i, j, rows, columns = cell.i, cell.j, cell.rows, cell.columns
+    end = np.int32(i + FEATURE.strip)
+    bits = np.int32(0)
+    bits |= WEST if j > 0 else 0
+    bits |= EAST if j < columns - 1 else 0
+    bits |= NORTH if i > 0 else 0
+    bits |= SOUTH if end < rows else 0
+    bits |= WEST_2 if j > 1 else 0
+    bits |= EAST_2 if j < columns - 2 else 0
+    bits |= NORTH_2 if i > 1 else 0
+    bits |= SOUTH_2 if end < rows - 1 else 0
+    return np.int32(bits)
+
+
+@inlined_routine
+def there(sides):
+    """Return True if there are masses (above, below, two above, two below)."""
+    north, south, north_2, south_2 = True, True, True, True
+    if is_first:
+        north, north_2 = sides & NORTH != 0, sides & NORTH_2 != 0
+    if is_last:
+        south, south_2 = sides & SOUTH != 0, sides & SOUTH_2 != 0
+    if is_near_last:
+        south_2 = sides & SOUTH != 0
+    return north, south, north_2, south_2
+
+
+@inlined_routine
+def spring_sum(shared, places, sides, here, ups, window, parameters):
+    """Return (sum on mass r, which is `here`; the `ups` of the next mass)."""
+    north, south, north_2, south_2 = there(sides)
+    west, east = sides & WEST != 0, sides & EAST != 0
+    above, below, below_2 = window.above, window.below, window.below_2
+    up, up_two, next_up_two = ups.above, ups.above_2, ups.next_above_2
+    if is_first:
+        up = structural(here, above, north, parameters)
+        up_two = bending(here, load(shared, places.here, (number - 2) * FEATURE.pitch), north_2, parameters)
+        next_up_two = bending(below, above, north, parameters)
+    down, down_two = structural(below, here, south, parameters), bending(below_2, here, south_2, parameters)
+    ax, ay, az = 0.0, 0.0, 0.0
+    if FEATURE.structural:
+        right, left = (
+            structural(window.right, here, True, parameters),
+            structural(window.left, here, True, parameters),
+        )
+        ax, ay, az = carried(right, left, down, up)
+    if FEATURE.shear:
+        hx, hy, hz = paired(
+            shear(window.right_below, here, east and south, parameters),
+            shear(window.left_above, here, west and north, parameters),
+            shear(window.left_below, here, west and south, parameters),
+            shear(window.right_above, here, east and north, parameters),
+        )
+        if FEATURE.structural:
+            hx, hy, hz = ax + hx, ay + hy, az + hz
+        ax, ay, az = hx, hy, hz
+    if FEATURE.bending:
+        right = bending(load(shared, places.east_2, number * FEATURE.pitch), here, True, parameters)
+        left = bending(load(shared, places.west_2, number * FEATURE.pitch), here, True, parameters)
+        bx, by, bz = carried(right, left, down_two, up_two)
+        if FEATURE.structural or FEATURE.shear:
+            bx, by, bz = ax + bx, ay + by, az + bz
+        ax, ay, az = bx, by, bz
+    return (ax, ay, az), Ups(down, next_up_two, down_two)
+
+
+@inlined_routine
+def wind_on(sides, here, window, parameters, air):
+    north, south, _, _ = there(sides)
+    west, east = sides & WEST != 0, sides & EAST != 0
+    w = window
+    neighbours = (
+        w.right if east else here, w.below if south else here, w.left if west and south else here,
+        w.above if north and east else here, w.right_below if south and east else here, w.left if west else here,
+        w.above if north else here, w.left_above if north and west else here,
+    )  # fmt: skip
+    return wind_of(here, neighbours, parameters, air)
+
+
+@inlined_routine
+def mass(shared, places, new, masses, k, columns, moment, here, ups, window):
+    """Do a pass of a mass of a strip and of those below it."""
+    sides, vx, vy, vz, world = masses.sides, masses.vx, masses.vy, masses.vz, moment.world
+    parameters = world.parameters
+    (ax, ay, az), next_ups = spring_sum(shared, places, sides, here, ups, window, parameters)
+    if FEATURE.gravity:
+        ay = ay + parameters.gravity
+    if FEATURE.wind:
+        wx, wy, wz = wind_on(sides, here, window, parameters, moment.air)
+        ax, ay, az = ax + wx, ay + wy, az + wz
+    next_here, next_window = here, window
+    if not is_last:  # loaded before this mass is stored, since no load may overtake a store
+        next_here = window.below
+        two, three = (number + 2) * FEATURE.pitch, (number + 3) * FEATURE.pitch
+        next_window = Window(
+            here, window.below_2 if FEATURE.stencil == 2 else load(shared, places.here, two),
+            load(shared, places.here, three if FEATURE.stencil == 2 else number * FEATURE.pitch), window.left,
+            window.left_below, load(shared, places.west, two), window.right, window.right_below,
+            load(shared, places.east, two),
+        )  # fmt: skip
+    if masses.active & np.int32(1 << number):
+        mark = 0.0
+        if FEATURE.pins:
+            if masses.pinned & np.int32(1 << number):
+                mark = load_quad(moment.position, k)[3]
+        p, v = (here[0], here[1], here[2], mark), (vx[number], vy[number], vz[number], 0.0)
+        px, py, pz, ux, uy, uz = kick(ax, ay, az, k, p, v, world, moment.step)
+        vx[number], vy[number], vz[number] = ux, uy, uz
+        put_position(shared, new, number * FEATURE.pitch, px, py, pz)
+        if FEATURE.moving:
+            put_velocity(shared, new, number * FEATURE.pitch, ux, uy, uz)
+        if masses.sending & np.int32(1 << number):
+            publish(k, px, py, pz, ux, uy, uz, moment.post)
+    if not is_last:
+        after(
+            shared, places, new, masses, np.int32(k + columns), columns, moment, next_here, next_ups, next_window
         )  # fmt: skip
 
-    return SimpleNamespace(constants=reader(CLOTH_PARAMETERS, inline), put=put, sides=sides, step=step)
+
+@inlined_routine
+def step_strip(shared, old, new, place, masses, k, columns, moment):
+    """Do one pass of the active masses of a Strip, from the copy of the planes that starts at `old` into the one at
+    `new`; k: number of the first mass."""
+    base, sides = np.int32(old + place), masses.sides
+    west, east = base - ONE if sides & WEST else base, base + ONE if sides & EAST else base
+    west_2, east_2 = base - TWO if sides & WEST_2 else base, base + TWO if sides & EAST_2 else base
+    places = Places(base, np.int32(west), np.int32(east), np.int32(west_2), np.int32(east_2))
+    window = Window(
+        load(shared, base, -FEATURE.pitch), load(shared, base, FEATURE.pitch),
+        load(shared, base, 2 * FEATURE.pitch if FEATURE.stencil == 2 else 0),
+        load(shared, places.west, -FEATURE.pitch), load(shared, places.west, 0), load(shared, places.west, FEATURE.pitch),
+        load(shared, places.east, -FEATURE.pitch), load(shared, places.east, 0), load(shared, places.east, FEATURE.pitch),
+    )  # fmt: skip
+    none = (0.0, 0.0, 0.0)
+    first_mass(
+        shared, places, np.int32(new + place), masses, k, columns, moment, load(shared, base, 0),
+        Ups(none, none, none), window,
+    )  # fmt: skip
+
+
+def strip_functions(strip: int, parts: frozenset[str]) -> dict[str, Any]:
+    """Return what the open names of this file stand for, but for `kick` and `publish`."""
+    functions: dict[str, Any] = {"first_mass": None}
+    for r in range(strip - 1, -1, -1):
+        places = {"is_first": r == 0, "is_last": r == strip - 1, "is_near_last": r == strip - 2}
+        functions["first_mass"] = filled(mass, {"number": r, "after": functions["first_mass"], **places})
+    for kind in SPRING_KINDS:
+        indices = [CLOTH_PARAMETERS.index(name) for name in spring_constants(kind)]
+        names = dict(zip(("k_stiffness", "k_rest", "k_damping"), indices, strict=True))
+        flags = {"has_springs": kind in parts, "has_damper": f"{kind}-damping" in parts}
+        functions[kind] = filled(pull_between, {**names, **flags})
+    return functions

@@ -5,7 +5,6 @@ Each stage has separate input and output arrays: slow, but easy to read, to time
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
 from typing import Any
@@ -13,131 +12,145 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from softlab.gpu_backend.core.compile import Kernel, kernel_options, make_kernel, make_kernels, variant_name
+from softlab.gpu_backend.core.compile import Kernel, kernels_of, variant_name
 from softlab.gpu_backend.core.forces import make_particle_force
+from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.world import Cell
-from softlab.gpu_backend.mass_spring.grid.point import make_point_functions
+from softlab.gpu_backend.mass_spring.grid.point import pair, particle_force, spring_sum
 from softlab.model.base.types import Real
+from softlab.model.base.variant import filled, routine
 from softlab.model.core.integrators import step_formula
 from softlab.model.core.own_forces import WINDOW, particle_forces
 from softlab.model.core.plan import Moment, StageRun
+from softlab.model.formulas.integrators import one_force, rk4_stage, verlet_first_half, verlet_second_half
+from softlab.model.formulas.springs import damped
+from softlab.model.mass_spring.plan import sheet_features
 
 STAGE_PARTS = frozenset({"springs", "gravity", "damping"})
+
+
+@routine
+def spring_forces(position, record, a, rows, columns):
+    parameters = record[0]
+    k = np.int32(cuda.grid(1))
+    if k < a.shape[0]:
+        i, j = np.int32(k // columns), np.int32(k % columns)
+        ax, ay = spring_sum(position, k, Cell(i, j, np.int32(rows), np.int32(columns)), parameters)
+        a[k] = pair(complex(ax, ay))
+
+
+@routine
+def no_forces(a):
+    k = cuda.grid(1)
+    if k < a.shape[0]:
+        a[k] = pair(complex(0.0, 0.0))
+
+
+@routine
+def gravity(record, a):
+    parameters = record[0]
+    k = cuda.grid(1)
+    if k < a.shape[0]:
+        a[k] = pair(complex(a[k].real, a[k].imag + parameters.gravity))
+
+
+@routine
+def force(record, integers, step, a):
+    k = np.int32(cuda.grid(1))
+    if k < a.shape[0]:
+        ax, ay = particle_force((a[k].real, a[k].imag), k, 0.0, record[0], integers, step)
+        a[k] = pair(complex(ax, ay))
+
+
+@routine
+def damping(velocity, record, a):
+    parameters = record[0]
+    k = cuda.grid(1)
+    if k < a.shape[0]:
+        ax = damped(a[k].real, velocity[k].real, parameters.damping)
+        ay = damped(a[k].imag, velocity[k].imag, parameters.damping)
+        a[k] = pair(complex(ax, ay))
+
+
+@routine
+def integrate(position, velocity, a, record):
+    parameters = record[0]
+    k = cuda.grid(1)
+    if k < a.shape[0]:
+        p, v, dt, half_dt_squared = position[k], velocity[k], parameters.dt, parameters.half_dt_squared
+        px, vx = one_force(p.real, v.real, a[k].real, dt, half_dt_squared)
+        py, vy = one_force(p.imag, v.imag, a[k].imag, dt, half_dt_squared)
+        position[k] = pair(complex(px, py))
+        velocity[k] = pair(complex(vx, vy))
+
+
+@routine
+def first_kick(position, velocity, a, record):
+    parameters = record[0]
+    k = cuda.grid(1)
+    if k < a.shape[0]:
+        p, v, dt, half_dt, rate = position[k], velocity[k], parameters.dt, parameters.half_dt, parameters.damping
+        px, vx = verlet_first_half(p.real, v.real, a[k].real, dt, half_dt, rate)
+        py, vy = verlet_first_half(p.imag, v.imag, a[k].imag, dt, half_dt, rate)
+        position[k] = pair(complex(px, py))
+        velocity[k] = pair(complex(vx, vy))
+
+
+@routine
+def second_kick(velocity, a, record):
+    parameters = record[0]
+    k = cuda.grid(1)
+    if k < a.shape[0]:
+        v, half_dt, inverse_damping = velocity[k], parameters.half_dt, parameters.inverse_damping
+        vx = verlet_second_half(v.real, a[k].real, half_dt, inverse_damping)
+        vy = verlet_second_half(v.imag, a[k].imag, half_dt, inverse_damping)
+        velocity[k] = pair(complex(vx, vy))
+
+
+@routine
+def accumulate(stage, base, rate, total, record, out):
+    """Do one stage of RK4 on one array of unknowns (positions or velocities); the fourth writes the new state."""
+    parameters = record[0]
+    k = cuda.grid(1)
+    if k < base.shape[0]:
+        derivative_dt = parameters.dt if stage == 3 else parameters.half_dt
+        total_dt = parameters.sixth_dt if stage == 1 or stage == 4 else parameters.third_dt
+        before = base[k] if stage == 1 else total[k]
+        x, sum_x = rk4_stage(base[k].real, rate[k].real, before.real, derivative_dt, total_dt)
+        y, sum_y = rk4_stage(base[k].imag, rate[k].imag, before.imag, derivative_dt, total_dt)
+        total[k] = pair(complex(sum_x, sum_y))
+        out[k] = total[k] if stage == 4 else pair(complex(x, y))
+
+
+@routine
+def pins(pinned, stored, position, velocity):
+    k = cuda.grid(1)
+    if k < position.shape[0] and pinned[k] != 0:
+        position[k] = stored[k]
+        velocity[k] = pair(complex(0.0, 0.0))
 
 
 @cache
 def make_force_stages(real: Real, math: str, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
     """Compile the stages that sum the acceleration. State and acceleration are complex (particles,)."""
-    point = make_point_functions(real, math, integrator, parts | STAGE_PARTS)
-    spring_sum, damped = point.spring_sum, point.damped
-    pair = np.complex64 if real is np.float32 else np.complex128
-    zero = real(0)
+    variant = device_variant(real, math, sheet_features(integrator, parts | STAGE_PARTS))
 
-    def spring_forces(position, record, a, rows, columns):
-        parameters = record[0]
-        k = np.int32(cuda.grid(1))
-        if k < a.shape[0]:
-            i, j = np.int32(k // columns), np.int32(k % columns)
-            ax, ay = spring_sum(position, k, Cell(i, j, np.int32(rows), np.int32(columns)), parameters)
-            a[k] = pair(complex(ax, ay))
-
-    def no_forces(a):
-        k = cuda.grid(1)
-        if k < a.shape[0]:
-            a[k] = pair(complex(zero, zero))
-
-    def gravity(record, a):
-        parameters = record[0]
-        k = cuda.grid(1)
-        if k < a.shape[0]:
-            a[k] = pair(complex(a[k].real, a[k].imag + parameters.gravity))
-
-    def stage_of(particle_force: Callable) -> Kernel:
-        def force(record, integers, step, a):
-            k = np.int32(cuda.grid(1))
-            if k < a.shape[0]:
-                ax, ay = particle_force((a[k].real, a[k].imag), k, zero, record[0], integers, step)
-                a[k] = pair(complex(ax, ay))
-
-        return make_kernel(force, variant_name(real, math, parts), **kernel_options(math))
-
-    def damping(velocity, record, a):
-        parameters = record[0]
-        k = cuda.grid(1)
-        if k < a.shape[0]:
-            ax = damped(a[k].real, velocity[k].real, parameters.damping)
-            ay = damped(a[k].imag, velocity[k].imag, parameters.damping)
-            a[k] = pair(complex(ax, ay))
+    def stage_of(part: str) -> Kernel:
+        stage = filled(force, {"particle_force": make_particle_force(real, math, 2, parts & {WINDOW} | {part})})
+        return kernels_of(variant, math, (stage,), variant_name(real, math, parts)).force
 
     kernels = (spring_forces, no_forces, gravity, damping)
-    stages = make_kernels(kernels, variant_name(real, math, integrator, parts), **kernel_options(math))
-    window = parts & {WINDOW}
-    stages.particle_forces = {
-        force.stage: stage_of(make_particle_force(real, math, 2, window | {force.part}))
-        for force in particle_forces(parts)
-    }
+    stages = kernels_of(variant, math, kernels, variant_name(real, math, integrator, parts))
+    stages.particle_forces = {own.stage: stage_of(own.part) for own in particle_forces(parts)}
     return stages
 
 
 @cache
 def make_motion_stages(real: Real, math: str, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
     """Compile the stages that move masses."""
-    formulas = make_point_functions(real, math, integrator, parts | STAGE_PARTS).formulas
-    first_half, second_half, rk4_stage = formulas.verlet_first_half, formulas.verlet_second_half, formulas.rk4_stage
-    one_force = formulas.variant(step_formula(integrator))
-    pair = np.complex64 if real is np.float32 else np.complex128
-    zero = real(0)
-
-    def integrate(position, velocity, a, record):
-        parameters = record[0]
-        k = cuda.grid(1)
-        if k < a.shape[0]:
-            p, v, dt, half_dt_squared = position[k], velocity[k], parameters.dt, parameters.half_dt_squared
-            px, vx = one_force(p.real, v.real, a[k].real, dt, half_dt_squared)
-            py, vy = one_force(p.imag, v.imag, a[k].imag, dt, half_dt_squared)
-            position[k] = pair(complex(px, py))
-            velocity[k] = pair(complex(vx, vy))
-
-    def first_kick(position, velocity, a, record):
-        parameters = record[0]
-        k = cuda.grid(1)
-        if k < a.shape[0]:
-            p, v, dt, half_dt, rate = position[k], velocity[k], parameters.dt, parameters.half_dt, parameters.damping
-            px, vx = first_half(p.real, v.real, a[k].real, dt, half_dt, rate)
-            py, vy = first_half(p.imag, v.imag, a[k].imag, dt, half_dt, rate)
-            position[k] = pair(complex(px, py))
-            velocity[k] = pair(complex(vx, vy))
-
-    def second_kick(velocity, a, record):
-        parameters = record[0]
-        k = cuda.grid(1)
-        if k < a.shape[0]:
-            v, half_dt, inverse_damping = velocity[k], parameters.half_dt, parameters.inverse_damping
-            vx = second_half(v.real, a[k].real, half_dt, inverse_damping)
-            vy = second_half(v.imag, a[k].imag, half_dt, inverse_damping)
-            velocity[k] = pair(complex(vx, vy))
-
-    def accumulate(stage, base, rate, total, record, out):
-        """Do one stage of RK4 on one array of unknowns (positions or velocities); the fourth writes the new state."""
-        parameters = record[0]
-        k = cuda.grid(1)
-        if k < base.shape[0]:
-            derivative_dt = parameters.dt if stage == 3 else parameters.half_dt
-            total_dt = parameters.sixth_dt if stage == 1 or stage == 4 else parameters.third_dt
-            before = base[k] if stage == 1 else total[k]
-            x, sum_x = rk4_stage(base[k].real, rate[k].real, before.real, derivative_dt, total_dt)
-            y, sum_y = rk4_stage(base[k].imag, rate[k].imag, before.imag, derivative_dt, total_dt)
-            total[k] = pair(complex(sum_x, sum_y))
-            out[k] = total[k] if stage == 4 else pair(complex(x, y))
-
-    def pins(pinned, stored, position, velocity):
-        k = cuda.grid(1)
-        if k < position.shape[0] and pinned[k] != 0:
-            position[k] = stored[k]
-            velocity[k] = pair(complex(zero, zero))
-
-    kernels = (integrate, first_kick, second_kick, accumulate, pins)
-    return make_kernels(kernels, variant_name(real, math, integrator, parts), **kernel_options(math))
+    variant = device_variant(real, math, sheet_features(integrator, parts | STAGE_PARTS))
+    kernels = (filled(integrate, {"one_force": step_formula(integrator)}), first_kick, second_kick, accumulate, pins)
+    return kernels_of(variant, math, kernels, variant_name(real, math, integrator, parts))
 
 
 def bind_stages(sim: Any) -> dict[str, StageRun]:

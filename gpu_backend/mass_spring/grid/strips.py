@@ -11,21 +11,22 @@ tests/mass_spring/test_ptx.py checks that nothing is left in local memory.
 
 from __future__ import annotations
 
-from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from softlab.gpu_backend.core.compile import inlined
 from softlab.gpu_backend.core.device import simulated
 from softlab.gpu_backend.core.pairs import load_pair, store_pair
 from softlab.gpu_backend.core.tiling import Tile
-from softlab.model.base.tuples import reader
+from softlab.gpu_backend.mass_spring.grid.point import pair
+from softlab.model.base.variant import FEATURE, Open, inlined_routine
 from softlab.model.core.parameters import PARAMETERS
+from softlab.model.formulas.springs import spring_acceleration_2d
 
 ON_TILES = PARAMETERS[
     : PARAMETERS.index("stiff")
 ]  # without those of alternating springs, which no kernel on tiles supports
+move = Open("move(k, ax, ay, p, v, parameters, integers, step): of point.moves_of")
 
 
 class StripState(NamedTuple):
@@ -57,113 +58,93 @@ def shared_bytes(real: Any, tile: Tile) -> int:
     return 2 * tile.masses * 2 * np.dtype(real).itemsize
 
 
-def make_reads(real: Any, math: str, parts: frozenset[str], tile: Tile) -> SimpleNamespace:
-    """Make the functions that a thread of a tile starts with:
+@inlined_routine
+def read_strip(position, velocity, vx, vy, both, place, cell):
+    """Read a thread's strip from device memory."""
+    width = np.int32(FEATURE.tile_columns)
+    i, j, rows, columns = cell.i, cell.j, cell.rows, cell.columns
+    for r in range(FEATURE.strip):
+        row = i + np.int32(r)
+        p, v = pair(0), pair(0)
+        if row < rows and j < columns:
+            k = np.int32(row * columns + j)
+            p, v = load_pair(position, k), load_pair(velocity, k)
+        vx[r], vy[r] = v.real, v.imag
+        store_pair(both, place + np.int32(r) * width, p.real, p.imag)
 
-    - `constants(parameters)`: the record's values, read once;
-    - `read(position, velocity, vx, vy, both, place, cell)`: its strip from device memory;
-    - `pin_bits_of(pinned, cell)`: bit r is set if mass r of the strip is pinned.
-    """
-    has_pins, strip, width = "pins" in parts, tile.strip, np.int32(tile.columns)
-    pair = np.complex64 if real is np.float32 else np.complex128
-    inline = inlined(math)
 
-    @inline
-    def read(position, velocity, vx, vy, both, place, cell):
-        i, j, rows, columns = cell.i, cell.j, cell.rows, cell.columns
-        for r in range(strip):
+@inlined_routine
+def pin_bits_of(pinned, cell):
+    """Return bits: bit r is set if mass r of the strip is pinned."""
+    i, j, rows, columns = cell.i, cell.j, cell.rows, cell.columns
+    bits = np.int32(0)
+    if FEATURE.pins:
+        for r in range(FEATURE.strip):
             row = i + np.int32(r)
-            p, v = pair(0), pair(0)
             if row < rows and j < columns:
-                k = np.int32(row * columns + j)
-                p, v = load_pair(position, k), load_pair(velocity, k)
-            vx[r], vy[r] = v.real, v.imag
-            store_pair(both, place + np.int32(r) * width, p.real, p.imag)
-
-    @inline
-    def pin_bits_of(pinned, cell):
-        i, j, rows, columns = cell.i, cell.j, cell.rows, cell.columns
-        bits = np.int32(0)
-        if has_pins:
-            for r in range(strip):
-                row = i + np.int32(r)
-                if row < rows and j < columns:
-                    if pinned[np.int32(row * columns + j)] != 0:
-                        bits = bits | np.int32(1 << r)
-        return bits
-
-    return SimpleNamespace(constants=reader(ON_TILES, inline), read=read, pin_bits_of=pin_bits_of)
+                if pinned[np.int32(row * columns + j)] != 0:
+                    bits = bits | np.int32(1 << r)
+    return bits
 
 
-def make_step(
-    real: Any, math: str, parts: frozenset[str], tile: Tile, cut: bool, point: SimpleNamespace, move: Any
-) -> Any:
-    """Make step(both, old, new, state, ...): one pass of a strip, a StripState, by `move` of point.make_moves.
+@inlined_routine
+def pin(both, old, new, state):
+    """Reset pinned masses to their old positions."""
+    width = np.int32(FEATURE.tile_columns)
+    for r in range(FEATURE.strip):
+        if state.pinned & np.int32(1 << r):
+            here = state.place + np.int32(r) * width
+            p = load_pair(both, old + here)
+            state.vx[r], state.vy[r] = 0.0, 0.0
+            store_pair(both, new + here, p.real, p.imag)
 
-    It goes from the copy of the positions that starts at `old` into the one at `new`. `cut`: the grid's last row may be
-    inside a strip.
-    """
-    spring_acceleration_2d = point.spring_acceleration_2d
-    has_springs, has_pins = "springs" in parts, "pins" in parts
-    pair = np.complex64 if real is np.float32 else np.complex128
-    zero, strip, width = real(0), tile.strip, np.int32(tile.columns)
-    inline = inlined(math)
 
-    @inline
-    def pin(both, old, new, state):
-        """Reset pinned masses to their old positions."""
-        for r in range(strip):
-            if state.pinned & np.int32(1 << r):
-                here = state.place + np.int32(r) * width
-                p = load_pair(both, old + here)
-                state.vx[r], state.vy[r] = zero, zero
-                store_pair(both, new + here, p.real, p.imag)
-
-    @inline
-    def step(both, old, new, state, parameters, integers, number, rows, columns):
-        place, left, right, vx, vy = state.place, state.left, state.right, state.vx, state.vy
-        stiffness, rest = parameters.stiffness, parameters.stiffness_rest
-        p = load_pair(both, old + place)
-        q, left_p, right_p = p, p, p
-        up_x, up_y = zero, zero  # the pull between the mass above and this one, on the mass above
-        if has_springs:
-            over = load_pair(both, old + state.above)
-            under = load_pair(both, old + state.below)
-            left_p, right_p = load_pair(both, old + place + left), load_pair(both, old + place + right)
-            up_x, up_y = spring_acceleration_2d(p.real - over.real, p.imag - over.imag, stiffness, rest)
-        if strip > 1:
-            q = load_pair(both, old + place + width)
-        for r in range(strip):
-            here = place + np.int32(r) * width
-            row = state.i + np.int32(r)
-            # Loaded before this mass is stored, since no load may overtake a store: the next ones' neighbours.
-            next_left, next_right, next_q = left_p, right_p, q
-            if r < strip - 1:
-                if has_springs:
-                    next_left = load_pair(both, old + here + width + left)
-                    next_right = load_pair(both, old + here + width + right)
-                if r < strip - 2:
-                    next_q = load_pair(both, old + here + np.int32(2) * width)
-            ax, ay = zero, zero
-            if has_springs:
-                right_x, right_y = spring_acceleration_2d(right_p.real - p.real, right_p.imag - p.imag, stiffness, rest)
-                left_x, left_y = spring_acceleration_2d(left_p.real - p.real, left_p.imag - p.imag, stiffness, rest)
-                if r < strip - 1:
-                    down_x, down_y = spring_acceleration_2d(q.real - p.real, q.imag - p.imag, stiffness, rest)
-                    if cut:
-                        if row == rows - 1:
-                            down_x, down_y = zero, zero
-                else:
-                    down_x, down_y = spring_acceleration_2d(under.real - p.real, under.imag - p.imag, stiffness, rest)
-                ax, ay = (right_x + left_x) + (down_x - up_x), (right_y + left_y) + (down_y - up_y)
-                up_x, up_y = down_x, down_y
-            k = np.int32(row * columns + state.j)
-            v = pair(complex(vx[r], vy[r]))
-            px, py, vx[r], vy[r] = move(k, ax, ay, p, v, parameters, integers, number)
-            store_pair(both, new + here, px, py)
-            p, q, left_p, right_p = q, next_q, next_left, next_right
-        if has_pins:
-            if state.pinned != 0:
-                pin(both, old, new, state)
-
-    return step
+@inlined_routine
+def step_strip(both, old, new, state, parameters, integers, number, rows, columns):
+    """Do one pass of a strip, from the copy of the positions that starts at `old` into the one at `new`. FEATURE.cut: the
+    grid's last row may be inside a strip."""
+    width = np.int32(FEATURE.tile_columns)
+    place, left, right, vx, vy = state.place, state.left, state.right, state.vx, state.vy
+    stiffness, rest = parameters.stiffness, parameters.stiffness_rest
+    p = load_pair(both, old + place)
+    q, left_p, right_p = p, p, p
+    up_x, up_y = 0.0, 0.0  # the pull between the mass above and this one, on the mass above
+    if FEATURE.springs:
+        over = load_pair(both, old + state.above)
+        under = load_pair(both, old + state.below)
+        left_p, right_p = load_pair(both, old + place + left), load_pair(both, old + place + right)
+        up_x, up_y = spring_acceleration_2d(p.real - over.real, p.imag - over.imag, stiffness, rest)
+    if FEATURE.strip > 1:
+        q = load_pair(both, old + place + width)
+    for r in range(FEATURE.strip):
+        here = place + np.int32(r) * width
+        row = state.i + np.int32(r)
+        # Loaded before this mass is stored, since no load may overtake a store: the next ones' neighbours.
+        next_left, next_right, next_q = left_p, right_p, q
+        if r < FEATURE.strip - 1:
+            if FEATURE.springs:
+                next_left = load_pair(both, old + here + width + left)
+                next_right = load_pair(both, old + here + width + right)
+            if r < FEATURE.strip - 2:
+                next_q = load_pair(both, old + here + np.int32(2) * width)
+        ax, ay = 0.0, 0.0
+        if FEATURE.springs:
+            right_x, right_y = spring_acceleration_2d(right_p.real - p.real, right_p.imag - p.imag, stiffness, rest)
+            left_x, left_y = spring_acceleration_2d(left_p.real - p.real, left_p.imag - p.imag, stiffness, rest)
+            if r < FEATURE.strip - 1:
+                down_x, down_y = spring_acceleration_2d(q.real - p.real, q.imag - p.imag, stiffness, rest)
+                if FEATURE.cut:
+                    if row == rows - 1:
+                        down_x, down_y = 0.0, 0.0
+            else:
+                down_x, down_y = spring_acceleration_2d(under.real - p.real, under.imag - p.imag, stiffness, rest)
+            ax, ay = (right_x + left_x) + (down_x - up_x), (right_y + left_y) + (down_y - up_y)
+            up_x, up_y = down_x, down_y
+        k = np.int32(row * columns + state.j)
+        v = pair(complex(vx[r], vy[r]))
+        px, py, vx[r], vy[r] = move(k, ax, ay, p, v, parameters, integers, number)
+        store_pair(both, new + here, px, py)
+        p, q, left_p, right_p = q, next_q, next_left, next_right
+    if FEATURE.pins:
+        if state.pinned != 0:
+            pin(both, old, new, state)

@@ -12,7 +12,6 @@ Variants made of the same step of a tile (mass_spring/grid/strips.py):
 from __future__ import annotations
 
 from functools import cache
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -20,105 +19,152 @@ from numba import cuda
 
 from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
 from softlab.gpu_backend.core.device import ALIGNMENT
+from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.pairs import load_pair, store_pair
 from softlab.gpu_backend.core.tiling import Tile, blocks_together
 from softlab.gpu_backend.core.world import Cell
-from softlab.gpu_backend.mass_spring.grid import strips
-from softlab.gpu_backend.mass_spring.grid.point import make_moves, make_point_functions
-from softlab.gpu_backend.mass_spring.tile_bits import make_bits_between
+from softlab.gpu_backend.mass_spring.grid.point import current_step, moves_of
+from softlab.gpu_backend.mass_spring.grid.strips import (
+    ON_TILES,
+    StripState,
+    pair_type,
+    pin_bits_of,
+    read_strip,
+    shared_bytes,
+    step_strip,
+)
+from softlab.gpu_backend.mass_spring.tile_bits import bits_between, tile_features
+from softlab.model.base.tuples import reader
+from softlab.model.base.variant import FEATURE, Open, Variant, filled, inlined_routine, real, routine
+from softlab.model.mass_spring.plan import sheet_features
+
+constants = Open("constants(parameters): the record's values, read once")
+opening = Open("opening: as `middle`, of velocity Verlet's first pass")
+middle = Open("middle: `run_steps` of a pass")
+closing = Open("closing: as `middle`, of velocity Verlet's last pass")
+pair_dtype = Open("pair_dtype: of strips.pair_type")
 
 
-@cache
-def make_tile_parts(real: Any, math: str, integrator: str, parts: frozenset[str], tile: Tile, cut: bool) -> Any:
-    """Make the common device functions of the kernels: indices of a thread's strip, to run steps, to write own
-    masses."""
-    reads, point = strips.make_reads(real, math, parts, tile), make_point_functions(real, math, integrator, parts)
-    strip, width, height, halo = tile.strip, np.int32(tile.columns), tile.rows, tile.halo
-    half, current_step = np.int32(tile.masses), point.current_step
-    inline = inlined(math)
+@inlined_routine
+def axis(index, count, masses, size):
+    """Return tiling.owned in the kernel's integers."""
+    start = np.int32(index * np.int32(size - 2 * FEATURE.halo))
+    first, end = start, np.int32(masses)
+    if index > 0:
+        first = np.int32(start + FEATURE.halo)
+    if index < count - 1:
+        end = np.int32(start + size - FEATURE.halo)
+    return start, first, end
 
-    @inline
-    def axis(index, count, masses, size):
-        """Return tiling.owned in the kernel's integers."""
-        start = np.int32(index * np.int32(size - 2 * halo))
-        first, end = start, np.int32(masses)
-        if index > 0:
-            first = np.int32(start + halo)
-        if index < count - 1:
-            end = np.int32(start + size - halo)
-        return start, first, end
 
-    @inline
-    def neighbours(cell):
-        """Return (place, left, right, above, below): indices of the strip in shared memory, and of its neighbours.
+@inlined_routine
+def neighbours(cell):
+    """Return (place, left, right, above, below): indices of the strip in shared memory, and of its neighbours.
 
-        At the edge of the grid or of the tile a mass replaces its neighbour, and does not pull itself.
-        """
-        i, j, rows, columns = cell.i, cell.j, cell.rows, cell.columns
-        down, across = np.int32(cuda.threadIdx.y), np.int32(cuda.threadIdx.x)
-        place = np.int32(down * np.int32(strip * width) + across)
-        left, right = np.int32(-1), np.int32(1)
-        if across == 0 or j == 0:
-            left = np.int32(0)
-        if across == width - 1 or j >= columns - 1:
-            right = np.int32(0)
-        above, below = place, np.int32(place + (strip - 1) * width)
-        if down > 0 and i > 0:
-            above = np.int32(place - width)
-        if down < height // strip - 1 and i + strip < rows:
-            below = np.int32(below + width)
-        return place, left, right, above, below
+    At the edge of the grid or of the tile a mass replaces its neighbour, and does not pull itself.
+    """
+    width = np.int32(FEATURE.tile_columns)
+    i, j, rows, columns = cell.i, cell.j, cell.rows, cell.columns
+    down, across = np.int32(cuda.threadIdx.y), np.int32(cuda.threadIdx.x)
+    place = np.int32(down * np.int32(FEATURE.strip * width) + across)
+    left, right = np.int32(-1), np.int32(1)
+    if across == 0 or j == 0:
+        left = np.int32(0)
+    if across == width - 1 or j >= columns - 1:
+        right = np.int32(0)
+    above, below = place, np.int32(place + (FEATURE.strip - 1) * width)
+    if down > 0 and i > 0:
+        above = np.int32(place - width)
+    if down < FEATURE.tile_rows // FEATURE.strip - 1 and i + FEATURE.strip < rows:
+        below = np.int32(below + width)
+    return place, left, right, above, below
 
-    @inline
-    def place_of(number, count, rows, columns):
-        """Return (row and column of the thread's strip, its index and its neighbours', rows and columns that the block
-        owns), in row of tiles `number` of `count`."""
-        row_start, row_first, row_end = axis(number, count, rows, height)
-        column_start, column_first, column_end = axis(
-            np.int32(cuda.blockIdx.x), np.int32(cuda.gridDim.x), columns, width
-        )
-        i = np.int32(row_start + np.int32(cuda.threadIdx.y) * strip)
-        j = np.int32(column_start + np.int32(cuda.threadIdx.x))
-        return i, j, neighbours(Cell(i, j, rows, columns)), (row_first, row_end, column_first, column_end)
 
-    def make_run(move: Any) -> Any:
-        step = strips.make_step(real, math, parts, tile, cut, point, move)
+@inlined_routine
+def place_of(number, count, rows, columns):
+    """Return (row and column of the thread's strip, its index and its neighbours', rows and columns that the block
+    owns), in row of tiles `number` of `count`."""
+    row_start, row_first, row_end = axis(number, count, rows, FEATURE.tile_rows)
+    column_start, column_first, column_end = axis(
+        np.int32(cuda.blockIdx.x), np.int32(cuda.gridDim.x), columns, np.int32(FEATURE.tile_columns)
+    )
+    i = np.int32(row_start + np.int32(cuda.threadIdx.y) * FEATURE.strip)
+    j = np.int32(column_start + np.int32(cuda.threadIdx.x))
+    return i, j, neighbours(Cell(i, j, rows, columns)), (row_first, row_end, column_first, column_end)
 
-        @inline
-        def run(steps, number, old, both, state, parameters, integers, counter, rows, columns):
-            """Do `steps` steps from the copy of the positions at `old`; returns the offset of the newest copy."""
-            for _ in range(steps):
-                new = np.int32(half - old)
-                now = current_step(counter, number)
-                step(both, old, new, state, parameters, integers, now, rows, columns)
-                cuda.syncthreads()
-                old = new
-                number += 1
-            return old
 
-        return run
+@inlined_routine
+def run_steps(steps, number, old, both, state, parameters, integers, counter, rows, columns):
+    """Do `steps` steps from the copy of the positions at `old`; returns the offset of the newest copy."""
+    for _ in range(steps):
+        new = np.int32(np.int32(FEATURE.tile_columns * FEATURE.tile_rows) - old)
+        now = current_step(counter, number)
+        step_strip(both, old, new, state, parameters, integers, now, rows, columns)
+        cuda.syncthreads()
+        old = new
+        number += 1
+    return old
 
-    @inline
-    def write(position, velocity, offset, bits, both, old, state, columns):
-        """Store the masses of the strip whose bit is set."""
-        if bits != 0:
-            for r in range(strip):
-                if bits & np.int32(1 << r):
-                    k = np.int32((state.i + np.int32(r)) * columns + state.j) + offset
-                    p = load_pair(both, old + state.place + np.int32(r) * width)
-                    store_pair(position, k, p.real, p.imag)
-                    store_pair(velocity, k, state.vx[r], state.vy[r])
 
-    runs = {name: make_run(move) for name, move in make_moves(real, math, integrator, parts).items()}
-    return SimpleNamespace(
-        constants=reads.constants, read=reads.read, pin_bits_of=reads.pin_bits_of, axis=axis, place_of=place_of, runs=runs,
-        write=write, bits_between=make_bits_between(math, strip),
-    )  # fmt: skip
+@inlined_routine
+def write(position, velocity, offset, bits, both, old, state, columns):
+    """Store the masses of the strip whose bit is set."""
+    width = np.int32(FEATURE.tile_columns)
+    if bits != 0:
+        for r in range(FEATURE.strip):
+            if bits & np.int32(1 << r):
+                k = np.int32((state.i + np.int32(r)) * columns + state.j) + offset
+                p = load_pair(both, old + state.place + np.int32(r) * width)
+                store_pair(position, k, p.real, p.imag)
+                store_pair(velocity, k, state.vx[r], state.vy[r])
+
+
+@routine
+def tile_pass(
+    position, velocity, new_position, new_velocity, record, integers, counter, pass_number, passes, pinned, rows,
+    columns, first, count,
+):  # fmt: skip
+    parameters = record[0]
+    both = cuda.shared.array(0, pair_dtype, alignment=ALIGNMENT)
+    vx, vy = cuda.local.array(FEATURE.strip, real), cuda.local.array(FEATURE.strip, real)
+    rows, columns = np.int32(rows), np.int32(columns)
+    number = np.int32(np.int32(cuda.blockIdx.y) + first)
+    i, j, (place, left, right, above, below), owned = place_of(number, np.int32(count), rows, columns)
+    row_first, row_end, column_first, column_end = owned
+    values = constants(parameters)
+    read_strip(position, velocity, vx, vy, both, place, Cell(i, j, rows, columns))
+    pin_bits = pin_bits_of(pinned, Cell(i, j, rows, columns))
+    state = StripState(i, j, place, left, right, above, below, vx, vy, pin_bits)
+    cuda.syncthreads()
+    old = np.int32(0)
+    if FEATURE.verlet and FEATURE.whole:
+        old = opening(1, pass_number, old, both, state, values, integers, counter, rows, columns)
+        pass_number += 1
+        passes -= 2
+    old = middle(passes, pass_number, old, both, state, values, integers, counter, rows, columns)
+    if FEATURE.verlet and FEATURE.whole:
+        old = closing(1, pass_number + passes, old, both, state, values, integers, counter, rows, columns)
+    if j >= column_first and j < column_end:
+        owned_rows = bits_between(row_first, row_end, i)
+        write(new_position, new_velocity, np.int32(0), owned_rows, both, old, state, columns)
 
 
 def grid_blocks_together(real: Any, tile: Tile) -> int:
     """Return the number of blocks that should fit on a multiprocessor, with 64 registers a thread (128 in float64)."""
-    return blocks_together(tile, strips.shared_bytes(real, tile), 64 if real is np.float32 else 128)
+    return blocks_together(tile, shared_bytes(real, tile), 64 if real is np.float32 else 128)
+
+
+def on_tiles(
+    kernel: Any, real: Any, math: str, integrator: str, parts: frozenset[str], tile: Tile, cut: bool,
+    whole: bool = False,
+) -> tuple[Variant, Any]:  # fmt: skip
+    """Return the variant of a kernel on tiles, and the kernel with what its open names stand for."""
+    features = {**sheet_features(integrator, parts), **tile_features(tile), "cut": cut, "whole": whole}
+    moves = moves_of(real, math, integrator, parts)
+    runs = {name: filled(run_steps, {"move": move}) for name, move in moves.items() if name != "step"}
+    names = runs or {"middle": filled(run_steps, {"move": moves["step"]})}
+    names |= {"constants": reader(ON_TILES, inlined(math)), "pair_dtype": pair_type(real)}
+    return device_variant(real, math, features), filled(kernel, names)
 
 
 @cache
@@ -133,43 +179,7 @@ def make_tile_pass(
     `count` on. `whole`: the grid is one tile; then any number of passes is done, and velocity Verlet's first and last
     are its opening and its closing.
     """
-    f = make_tile_parts(real, math, integrator, parts, tile, cut)
-    constants, read, pin_bits_of, place_of = f.constants, f.read, f.pin_bits_of, f.place_of
-    write, bits_between = f.write, f.bits_between
-    verlet = "middle" in f.runs
-    run = f.runs["middle"] if verlet else f.runs["step"]
-    opening, closing = f.runs.get("opening", run), f.runs.get("closing", run)
-    ends = verlet and whole
-    strip, pair, zero = tile.strip, strips.pair_type(real), np.int32(0)
-
-    def tile_pass(
-        position, velocity, new_position, new_velocity, record, integers, counter, pass_number, passes, pinned, rows,
-        columns, first, count,
-    ):  # fmt: skip
-        parameters = record[0]
-        both = cuda.shared.array(0, pair, alignment=ALIGNMENT)
-        vx, vy = cuda.local.array(strip, real), cuda.local.array(strip, real)
-        rows, columns = np.int32(rows), np.int32(columns)
-        number = np.int32(np.int32(cuda.blockIdx.y) + first)
-        i, j, (place, left, right, above, below), owned = place_of(number, np.int32(count), rows, columns)
-        row_first, row_end, column_first, column_end = owned
-        values = constants(parameters)
-        read(position, velocity, vx, vy, both, place, Cell(i, j, rows, columns))
-        pin_bits = pin_bits_of(pinned, Cell(i, j, rows, columns))
-        state = strips.StripState(i, j, place, left, right, above, below, vx, vy, pin_bits)
-        cuda.syncthreads()
-        old = zero
-        if ends:
-            old = opening(1, pass_number, old, both, state, values, integers, counter, rows, columns)
-            pass_number += 1
-            passes -= 2
-        old = run(passes, pass_number, old, both, state, values, integers, counter, rows, columns)
-        if ends:
-            old = closing(1, pass_number + passes, old, both, state, values, integers, counter, rows, columns)
-        if j >= column_first and j < column_end:
-            owned_rows = bits_between(row_first, row_end, i)
-            write(new_position, new_velocity, zero, owned_rows, both, old, state, columns)
-
+    variant, kernel = on_tiles(tile_pass, real, math, integrator, parts, tile, cut, whole)
     bounds = (tile.threads, 1 if whole else grid_blocks_together(real, tile))
-    variant = variant_name(real, math, integrator, parts, tile.name, cut, whole)
-    return make_kernel(tile_pass, variant, launch_bounds=bounds, **kernel_options(math))
+    label = variant_name(real, math, integrator, parts, tile.name, cut, whole)
+    return make_kernel(variant.copied(kernel), label, launch_bounds=bounds, **kernel_options(math))
