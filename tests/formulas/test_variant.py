@@ -418,6 +418,8 @@ def test_an_integer_that_depends_on_the_precision(precision: Any, block: int) ->
     assert Variant(precision)(of_blocks)(3) == 3 * block
     assert type(Variant(precision)(of_blocks).__globals__["BLOCK"]) is int
     assert of_blocks(3) == 3 * 8
+
+
 nearly = inlined_throughout(ended_and_halved)
 
 
