@@ -105,13 +105,13 @@ def add_row(blocks, first, second, first_above, second_above, out):
 @routine
 def add_wind(i, blocks, scratch, width):
     """Add the six forces on each mass of row `i` to `close`."""
-    first, second, first_above, second_above = (
-        FEATURE.at_first + i % 2, FEATURE.at_second + i % 2, FEATURE.at_first + (i + 1) % 2, FEATURE.at_second + (i + 1) % 2
-    )  # fmt: skip
+    now, above = i % 2, (i + 1) % 2
     for axis in range(AXES):
         add_row(
-            blocks, row_at(scratch, row_edge(first, axis, width)), row_at(scratch, row_edge(second, axis, width)),
-            row_at(scratch, row_edge(first_above, axis, width)), row_at(scratch, row_edge(second_above, axis, width)),
+            blocks, row_at(scratch, row_edge(FEATURE.at_first + now, axis, width)),
+            row_at(scratch, row_edge(FEATURE.at_second + now, axis, width)),
+            row_at(scratch, row_edge(FEATURE.at_first + above, axis, width)),
+            row_at(scratch, row_edge(FEATURE.at_second + above, axis, width)),
             row_at(scratch, row_start(FEATURE.at_close, axis, width)),
         )  # fmt: skip
 

@@ -91,7 +91,7 @@ def add(starts, sums, cursors):
         cursors[k] = starts[k]
 
 
-def of_integers(threads: int) -> Variant:
+def of_integers(threads: int | np.int32) -> Variant:
     """Return the variant of these functions for blocks of `threads`."""
     return device_variant(np.float32, "exact", {"threads": int(threads)})
 
