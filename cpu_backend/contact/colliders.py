@@ -277,20 +277,20 @@ def make_push(compiler: Compiler, real: Real, parts: frozenset[str]) -> SimpleNa
 
 
 def make_instants(compiler: Compiler, real: Real, parts: frozenset[str]) -> Callable:
-    made: Callable = compiler.variant_of(real, features_of(parts))(instants)
-    return made
+    function: Callable = compiler.variant_of(real, features_of(parts))(instants)
+    return function
 
 
 def make_collide_mass(compiler: Compiler, real: Real, parts: frozenset[str]) -> Callable:
-    made: Callable = compiler.variant_of(real, features_of(parts))(collide_mass)
-    return made
+    function: Callable = compiler.variant_of(real, features_of(parts))(collide_mass)
+    return function
 
 
 def make_collide_planes(compiler: Compiler, real: Real, parts: frozenset[str]) -> Callable:
-    made: Callable = compiler.variant_of(real, features_of(parts))(collide_planes)
-    return made
+    function: Callable = compiler.variant_of(real, features_of(parts))(collide_planes)
+    return function
 
 
 def make_collide_row(compiler: Compiler, real: Real, parts: frozenset[str]) -> Callable:
-    made: Callable = compiler.variant_of(real, features_of(parts))(collide_row)
-    return made
+    function: Callable = compiler.variant_of(real, features_of(parts))(collide_row)
+    return function

@@ -159,8 +159,8 @@ def make_passes(compiler: Compiler, real: Real, scaled: bool, has_rigid: bool = 
 @cache
 def make_bounce(real: Real, math: str) -> Callable:
     """Make `bounce_all`."""
-    made: Callable = Compiler(f"particles_bounce_{np.dtype(real).name}_{math}", math).variant_of(real)(bounce_all)
-    return made
+    function: Callable = Compiler(f"particles_bounce_{np.dtype(real).name}_{math}", math).variant_of(real)(bounce_all)
+    return function
 
 
 @cache

@@ -174,8 +174,8 @@ def find_all(team, member, bands, position, weights, rows, arrays):
 @cache
 def make_find(real: Real, math: str) -> Callable:
     """Make `find_all`."""
-    made: Callable = Compiler(f"particles_find_{np.dtype(real).name}_{math}", math).variant_of(real)(find_all)
-    return made
+    function: Callable = Compiler(f"particles_find_{np.dtype(real).name}_{math}", math).variant_of(real)(find_all)
+    return function
 
 
 @cache

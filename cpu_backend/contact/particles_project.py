@@ -221,8 +221,8 @@ def make_project(
         "couples": has_couples,
     }  # fmt: skip
     compiler = Compiler(f"particles_project_{np.dtype(real).name}_{math}{words}", math)
-    made: Callable = compiler.variant_of(real, features)(project_all)
-    return made
+    function: Callable = compiler.variant_of(real, features)(project_all)
+    return function
 
 
 @cache
@@ -236,8 +236,8 @@ def make_project_stage(
 
 def make_clear(compiler: Compiler) -> Callable:
     """Make `clear_some`."""
-    made: Callable = compiler.variant_of(np.float64)(clear_some)
-    return made
+    function: Callable = compiler.variant_of(np.float64)(clear_some)
+    return function
 
 
 @cache
@@ -249,8 +249,8 @@ def make_clear_stage(real: Real, math: str) -> Callable:
 
 def make_settle(compiler: Compiler, real: Real, parts: frozenset[str]) -> Callable:
     """Make `settle_some`."""
-    made: Callable = compiler.variant_of(real, features_of(parts))(settle_some)
-    return made
+    function: Callable = compiler.variant_of(real, features_of(parts))(settle_some)
+    return function
 
 
 @cache

@@ -68,10 +68,10 @@ def drive(first, last, number, position, velocity, parameters, bodies, driven):
 
 
 def make_follow(compiler: Compiler, real: Real) -> Callable:
-    made: Callable = compiler.variant_of(real)(follow)
-    return made
+    function: Callable = compiler.variant_of(real)(follow)
+    return function
 
 
 def make_drive(compiler: Compiler, real: Real) -> Callable:
-    made: Callable = compiler.variant_of(real)(drive)
-    return made
+    function: Callable = compiler.variant_of(real)(drive)
+    return function

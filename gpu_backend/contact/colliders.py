@@ -231,11 +231,11 @@ def collide(before, px, py, pz, vx, vy, vz, world, step):
 
 @cache
 def make_place_of(real: Real, math: str) -> Callable:
-    made: Callable = device_variant(real, math)(place_of)
-    return made
+    function: Callable = device_variant(real, math)(place_of)
+    return function
 
 
 @cache
 def make_collide(real: Real, math: str, parts: frozenset[str]) -> Callable:
-    made: Callable = device_variant(real, math, features_of(parts))(collide)
-    return made
+    function: Callable = device_variant(real, math, features_of(parts))(collide)
+    return function

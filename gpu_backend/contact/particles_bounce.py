@@ -121,8 +121,8 @@ def _variant(real: Real, math: str, self_contact: bool, many: bool, has_rigid: b
 
 @cache
 def make_lack(real: Real, math: str, self_contact: bool, many: bool, has_rigid: bool = False) -> Callable:
-    made: Callable = _variant(real, math, self_contact, many, has_rigid)(lack_of)
-    return made
+    function: Callable = _variant(real, math, self_contact, many, has_rigid)(lack_of)
+    return function
 
 
 @cache
