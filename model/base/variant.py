@@ -86,7 +86,7 @@ FEATURES = {  # what a variant may have and a formula may ask for
     "load": "masses differ",
     "material": "number of the elastic energy",
     "motion": "pins follow a motion",
-    "moving": "neighbours' velocities act on a mass",
+    "neighbour_velocities": "neighbours' velocities act on a mass",
     "per_constraint": "each constraint has its own compliance",
     "pins": "there are pinned masses",
     "pitch": "numbers of a row of a plane in shared memory",

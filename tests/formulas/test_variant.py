@@ -78,6 +78,14 @@ def ended(x):
     return end(x) + TERMS[1]
 
 
+start = Open("start(x) -> a number")
+
+
+@formula
+def started(x):
+    return start(x)
+
+
 @formula
 def doubled(x):
     return 2 * x
@@ -317,3 +325,10 @@ def test_parts_of_a_scene_are_features_under_their_names() -> None:
     assert features_of(frozenset({"friction", "per-constraint", "of-no-formula"})) == {
         "friction": True, "per_constraint": True,
     }  # fmt: skip
+
+
+def test_names_are_filled_in_what_fills_other_names() -> None:
+    """Whether these are open in the formula itself or in what fills its names."""
+    closed = filled(ended, {"end": third})
+    assert filled(started, {"start": ended, "end": third})(3.0) == closed(3.0)
+    assert filled(filled(started, {"start": ended}), {"end": third})(3.0) == closed(3.0)
