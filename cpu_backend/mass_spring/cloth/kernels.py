@@ -109,7 +109,7 @@ def advance_band(band, kind, step, states, current, sheet, scratches):
 def advance(team, member, bands, passes, states, current, sheet, scratches):
     for k in range(passes.number):
         kind, begun = pass_kind(k, passes), k
-        if FEATURE.verlet and FEATURE.moving:
+        if FEATURE.verlet and FEATURE.neighbour_velocities:
             kind, begun = CLOSING if k % 2 else OPENING, (k + 1) // 2
         for band in assigned(team, member, bands):
             advance_band(np.int64(band), kind, passes.step + begun, states, (current + k) % 2, sheet, scratches)

@@ -254,8 +254,8 @@ def cloth_features(real: Real, integrator: str, parts: frozenset[str]) -> dict[s
     names = ("across", "close", "down", "far_across", "far_down", "left", "open", "right")
     return {
         **sheet_features(integrator, parts), **{f"at_{name}": at.get(name, 0) for name in names},
-        "cleared": at["count"], "colliders": not parts.isdisjoint(COLLIDER_KINDS), "moving": not kicks_coupled(parts),
-        "triples": at["count"],
+        "cleared": at["count"], "colliders": not parts.isdisjoint(COLLIDER_KINDS),
+        "neighbour_velocities": not kicks_coupled(parts), "triples": at["count"],
     }  # fmt: skip
 
 

@@ -51,7 +51,7 @@ def phase(copies, old, new, inside, k, cell, state, world, step, air):
         px, py, pz, vx, vy, vz = move(positions, velocities, np.int32(old + k), k, cell, p, v, world, step, air)
         p, v = (px, py, pz, p[3]), (vx, vy, vz, 0.0)
         store_quad(positions, new + k, px, py, pz, p[3])
-        if FEATURE.moving:
+        if FEATURE.neighbour_velocities:
             store_quad(velocities, new + k, vx, vy, vz, 0.0)
     cuda.syncthreads()
     return p, v
@@ -76,15 +76,15 @@ def block_steps(
     k = np.int32(cuda.threadIdx.x)
     i, j = np.int32(k // columns), np.int32(k % columns)
     inside = k < masses
-    velocities = shared[2 * SIZE * masses :] if FEATURE.moving else shared[0:]
-    airs = shared[4 * SIZE * masses :] if FEATURE.moving else shared[2 * SIZE * masses :]
+    velocities = shared[2 * SIZE * masses :] if FEATURE.neighbour_velocities else shared[0:]
+    airs = shared[4 * SIZE * masses :] if FEATURE.neighbour_velocities else shared[2 * SIZE * masses :]
     first = current_step(counter, pass_number)
     copies, cell = (shared, velocities), Cell(i, j, rows, columns)
     p, v = (0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0)
     if inside:
         p, v = load_quad(position, k), load_quad(velocity, k)
         store_quad(shared, k, p[0], p[1], p[2], p[3])
-        if FEATURE.moving:
+        if FEATURE.neighbour_velocities:
             store_quad(velocities, k, v[0], v[1], v[2], 0.0)
     air = (0.0, 0.0, 0.0)
     if FEATURE.gust:
@@ -104,7 +104,7 @@ def block_steps(
                 x, y, z = air_now(parameters, integers, step + 1, 0.0)
                 store_quad(airs, 1 - now, x, y, z, 0.0)
         p, v = first_phase(copies, old, new, inside, k, cell, (p, v), world, step, air)
-        if FEATURE.moving and FEATURE.verlet:
+        if FEATURE.neighbour_velocities and FEATURE.verlet:
             if FEATURE.gust:
                 air = read_air(airs, 1 - now)
             p, v = second_phase(copies, new, old, inside, k, cell, (p, v), world, step + 1, air)
@@ -131,7 +131,7 @@ def make_cloth_block(real: Any, math: str, integrator: str, parts: frozenset[str
         "second_phase": filled(phase, {"move": moves.get("closing", first)}),
         "scalar": np.dtype(real) if simulated() else real,
     }
-    variant = device_variant(real, math, {**cloth_features(integrator, parts), "moving": moving})
+    variant = device_variant(real, math, {**cloth_features(integrator, parts), "neighbour_velocities": moving})
     kernel = variant.copied(filled(block_steps, {**open_functions(real, math, integrator, parts), **names}))
     label = variant_name(real, math, integrator, parts, threads)
     return make_kernel(kernel, label, launch_bounds=(threads, 1), **kernel_options(math))

@@ -105,7 +105,7 @@ def load(shared, place, distance):
     """Return (x, y, z, vx, vy, vz) of the mass `distance` places on."""
     x, y = near(shared, place, distance), near(shared, place, distance + FEATURE.area)
     z = near(shared, place, distance + 2 * FEATURE.area)
-    if FEATURE.moving:
+    if FEATURE.neighbour_velocities:
         return (
             x, y, z, near(shared, place, distance + 3 * FEATURE.area), near(shared, place, distance + 4 * FEATURE.area),
             near(shared, place, distance + 5 * FEATURE.area),
@@ -260,7 +260,7 @@ def mass(shared, places, new, masses, k, columns, moment, here, ups, window):
         px, py, pz, ux, uy, uz = kick(ax, ay, az, k, p, v, world, moment.step)
         vx[number], vy[number], vz[number] = ux, uy, uz
         put_position(shared, new, number * FEATURE.pitch, px, py, pz)
-        if FEATURE.moving:
+        if FEATURE.neighbour_velocities:
             put_velocity(shared, new, number * FEATURE.pitch, ux, uy, uz)
         if masses.sending & np.int32(1 << number):
             publish(k, px, py, pz, ux, uy, uz, moment.post)

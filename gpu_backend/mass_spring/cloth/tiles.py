@@ -37,7 +37,7 @@ def cloth_tile_features(tile: Tile, parts: frozenset[str]) -> dict[str, int]:
     return {
         **tile_features(tile), "area": prod(plane_shape(tile, parts)), "pitch": plane_shape(tile, parts)[1],
         "fetched": -(-most_to_fetch(tile, parts) // tile.threads), "fields": fields(tile, parts),
-        "moving": needs_velocities(parts), "stencil": stencil_rows(parts), "threads": tile.threads,
+        "neighbour_velocities": needs_velocities(parts), "stencil": stencil_rows(parts), "threads": tile.threads,
     }  # fmt: skip
 
 

@@ -141,7 +141,7 @@ def make_force_stages(real: Real, math: str, integrator: str, parts: frozenset[s
 
     kernels = (spring_forces, no_forces, gravity, damping)
     stages = kernels_of(variant, math, kernels, variant_name(real, math, integrator, parts))
-    stages.particle_forces = {own.stage: stage_of(own.part) for own in particle_forces(parts)}
+    stages.particle_forces = {one.stage: stage_of(one.part) for one in particle_forces(parts)}
     return stages
 
 
