@@ -96,19 +96,26 @@ gather_moments = filled(moment_rows, {"particle_of": listed})
 @row_routine
 def add_lanes(lanes, sums):
     for n in range(MOMENTS):
-        sums[n * LANES] = lane_sum(lanes, n)
+        k = n * LANES
+        sums[k] = total((
+            lanes[k], lanes[k + 1], lanes[k + 2], lanes[k + 3], lanes[k + 4], lanes[k + 5], lanes[k + 6],
+            lanes[k + 7], lanes[k + 8], lanes[k + 9], lanes[k + 10], lanes[k + 11], lanes[k + 12], lanes[k + 13],
+            lanes[k + 14], lanes[k + 15],
+        ))  # fmt: skip
 
 
 @routine
 def sum_up(c, place, position, count, arrays, scratch):
     """Write the moments of cluster `c` into column `place` of the scratch."""
-    starts, firsts, slots, members = arrays.starts, arrays.firsts, arrays.slots, arrays.members
+    starts, firsts, straight, slots, members = (
+        arrays.starts, arrays.firsts, arrays.straight, arrays.slots, arrays.members
+    )  # fmt: skip
     start, blocks, entries = starts[c], (starts[c + 1] - starts[c]) // LANES, members.size // 4
     first = np.int64(firsts[c])
     x, y, z = position[first], position[count + first], position[2 * count + first]
     rest_x, rest_y = row_at(members, start), row_at(members, entries + start)
     rest_z, mass = row_at(members, 2 * entries + start), row_at(members, 3 * entries + start)
-    if arrays.straight[c]:
+    if straight[c]:
         sum_moments(
             blocks, x, y, z, row_at(slots, start), row_at(position, first), row_at(position, count + first),
             row_at(position, 2 * count + first), rest_x, rest_y, rest_z, mass, scratch,

@@ -57,8 +57,9 @@ def any_row(blocks, x, y, z):
 def touched(c, count, arrays):
     """Return True if a particle of cluster c got an impulse; for a straight cluster also a particle behind it in
     its block."""
-    impulses, starts, slots = arrays.rebound.impulses, arrays.starts, arrays.slots
-    first = np.int64(arrays.firsts[c])
+    impulses, starts, slots, first = (
+        arrays.rebound.impulses, arrays.starts, arrays.slots, np.int64(arrays.firsts[c])
+    )  # fmt: skip
     if arrays.straight[c]:
         return any_row(
             (starts[c + 1] - starts[c]) // LANES, row_at(impulses, first), row_at(impulses, count + first),
