@@ -39,19 +39,7 @@ AT_NEW = AT_OLD + QUATERNION
 AT_MAPS = AT_NEW + QUATERNION + 1
 SCRATCH = AT_MAPS + ENTRIES
 
-particle_of = Open("particle_of(slots, e) -> particle of entry e of a cluster")
-
-
-@inlined_routine
-def in_order(slots, e):
-    """Return the particle of an entry of a cluster whose particles are in order."""
-    return e
-
-
-@inlined_routine
-def listed(slots, e):
-    """Return the particle of an entry of any cluster."""
-    return slots[e]
+GATHERS = Open("GATHERS: the particles of a cluster are not in order")
 
 
 @routine
@@ -72,7 +60,7 @@ def moment_rows(blocks, first_x, first_y, first_z, slots, x, y, z, rest_x, rest_
     for block in range(blocks):
         for lane in range(LANES):
             e = block * LANES + lane
-            k = particle_of(slots, e)
+            k = slots[e] if GATHERS else e
             wx, wy = weighted(mass[e], x[k], first_x), weighted(mass[e], y[k], first_y)
             wz = weighted(mass[e], z[k], first_z)
             lanes[lane] = lanes[lane] + wx
@@ -89,8 +77,8 @@ def moment_rows(blocks, first_x, first_y, first_z, slots, x, y, z, rest_x, rest_
             lanes[11 * LANES + lane] = added(lanes[11 * LANES + lane], wz, rest_z[e])
 
 
-sum_moments = filled(moment_rows, {"particle_of": in_order})
-gather_moments = filled(moment_rows, {"particle_of": listed})
+sum_moments = filled(moment_rows, {"GATHERS": False})
+gather_moments = filled(moment_rows, {"GATHERS": True})
 
 
 @row_routine
