@@ -11,7 +11,7 @@ import numpy as np
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.core.progress import assigned
-from softlab.cpu_backend.shape_matching.kernels import in_order, lane_sum, listed, particle_of
+from softlab.cpu_backend.shape_matching.kernels import GATHERS, lane_sum
 from softlab.cpu_backend.shape_matching.motions import motion_of
 from softlab.model.base.types import Real
 from softlab.model.base.variant import filled, routine, row_routine
@@ -26,7 +26,7 @@ def momenta_rows(blocks, x0, y0, z0, u0, v0, w0, slots, x, y, z, vx, vy, vz, mas
     for block in range(blocks):
         for lane in range(LANES):
             e = block * LANES + lane
-            k, m = particle_of(slots, e), mass[e]
+            k, m = slots[e] if GATHERS else e, mass[e]
             dx, dy, dz = x[k] - x0, y[k] - y0, z[k] - z0
             wx, wy, wz = weighted(m, x[k], x0), weighted(m, y[k], y0), weighted(m, z[k], z0)
             ux, uy, uz = weighted(m, vx[k], u0), weighted(m, vy[k], v0), weighted(m, vz[k], w0)
@@ -47,8 +47,8 @@ def momenta_rows(blocks, x0, y0, z0, u0, v0, w0, slots, x, y, z, vx, vy, vz, mas
             lanes[14 * LANES + lane] = added(lanes[14 * LANES + lane], wy, dz)
 
 
-sum_momenta = filled(momenta_rows, {"particle_of": in_order})
-gather_momenta = filled(momenta_rows, {"particle_of": listed})
+sum_momenta = filled(momenta_rows, {"GATHERS": False})
+gather_momenta = filled(momenta_rows, {"GATHERS": True})
 
 
 @routine

@@ -39,19 +39,7 @@ AT_NEW = AT_OLD + QUATERNION
 AT_MAPS = AT_NEW + QUATERNION + 1
 SCRATCH = AT_MAPS + ENTRIES
 
-particle_of = Open("particle_of(slots, e) -> particle of entry e of a cluster")
-
-
-@inlined_routine
-def in_order(slots, e):
-    """Return the particle of an entry of a cluster whose particles are in order."""
-    return e
-
-
-@inlined_routine
-def listed(slots, e):
-    """Return the particle of an entry of any cluster."""
-    return slots[e]
+GATHERS = Open("GATHERS: the particles of a cluster are not in order")
 
 
 @routine
@@ -72,7 +60,7 @@ def moment_rows(blocks, first_x, first_y, first_z, slots, x, y, z, rest_x, rest_
     for block in range(blocks):
         for lane in range(LANES):
             e = block * LANES + lane
-            k = particle_of(slots, e)
+            k = slots[e] if GATHERS else e
             wx, wy = weighted(mass[e], x[k], first_x), weighted(mass[e], y[k], first_y)
             wz = weighted(mass[e], z[k], first_z)
             lanes[lane] = lanes[lane] + wx
@@ -89,26 +77,33 @@ def moment_rows(blocks, first_x, first_y, first_z, slots, x, y, z, rest_x, rest_
             lanes[11 * LANES + lane] = added(lanes[11 * LANES + lane], wz, rest_z[e])
 
 
-sum_moments = filled(moment_rows, {"particle_of": in_order})
-gather_moments = filled(moment_rows, {"particle_of": listed})
+sum_moments = filled(moment_rows, {"GATHERS": False})
+gather_moments = filled(moment_rows, {"GATHERS": True})
 
 
 @row_routine
 def add_lanes(lanes, sums):
     for n in range(MOMENTS):
-        sums[n * LANES] = lane_sum(lanes, n)
+        k = n * LANES
+        sums[k] = total((
+            lanes[k], lanes[k + 1], lanes[k + 2], lanes[k + 3], lanes[k + 4], lanes[k + 5], lanes[k + 6],
+            lanes[k + 7], lanes[k + 8], lanes[k + 9], lanes[k + 10], lanes[k + 11], lanes[k + 12], lanes[k + 13],
+            lanes[k + 14], lanes[k + 15],
+        ))  # fmt: skip
 
 
 @routine
 def sum_up(c, place, position, count, arrays, scratch):
     """Write the moments of cluster `c` into column `place` of the scratch."""
-    starts, firsts, slots, members = arrays.starts, arrays.firsts, arrays.slots, arrays.members
+    starts, firsts, straight, slots, members = (
+        arrays.starts, arrays.firsts, arrays.straight, arrays.slots, arrays.members
+    )  # fmt: skip
     start, blocks, entries = starts[c], (starts[c + 1] - starts[c]) // LANES, members.size // 4
     first = np.int64(firsts[c])
     x, y, z = position[first], position[count + first], position[2 * count + first]
     rest_x, rest_y = row_at(members, start), row_at(members, entries + start)
     rest_z, mass = row_at(members, 2 * entries + start), row_at(members, 3 * entries + start)
-    if arrays.straight[c]:
+    if straight[c]:
         sum_moments(
             blocks, x, y, z, row_at(slots, start), row_at(position, first), row_at(position, count + first),
             row_at(position, 2 * count + first), rest_x, rest_y, rest_z, mass, scratch,

@@ -115,8 +115,9 @@ def turn_pencil(unit, position, count, arrays, new_rotation, frames, for_view, b
     )  # fmt: skip
     masses, mass = row_at(table, T_MASS * nz), row_at(tables, at_slice)
     windows = Rows(band_scratch, pitch, n)
-    values_along_z = MomentScan(row_at(table, T_WEIGHT * nz), centres, masses, mass, pencil)
-    scan_slices(n, nz, region, x, out, windows, sums, values_along_z)
+    scan_slices(
+        n, nz, region, x, out, windows, sums, MomentScan(row_at(table, T_WEIGHT * nz), centres, masses, mass, pencil)
+    )
     if for_view:
         for i in range(nz):
             here = cluster + below + i * deep
@@ -173,8 +174,10 @@ def match_all(team, member, bands, position, count, arrays, new_rotation, frames
             slice_up(unit, position, count, arrays, row_at(scratch, np.int64(band_scratch * band)))
     for band in assigned(team, member, bands):
         for unit in range(pencils * band // bands, pencils * (band + 1) // bands):
-            scratch_of_band = row_at(scratch, np.int64(band_scratch * band))
-            turn_pencil(unit, position, count, arrays, new_rotation, frames, for_view, scratch_of_band)
+            turn_pencil(
+                unit, position, count, arrays, new_rotation, frames, for_view,
+                row_at(scratch, np.int64(band_scratch * band)),
+            )  # fmt: skip
 
 
 @routine

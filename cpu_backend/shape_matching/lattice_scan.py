@@ -13,7 +13,6 @@ import numpy as np
 
 from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.shape_matching.lattice_rows import (
-    ROWS_BEFORE,
     add_goals,
     add_moments,
     clear,
@@ -54,6 +53,7 @@ class GoalScan(NamedTuple):
     out: Rows
 
 
+PLANES = Open("PLANES: rows of a sum")
 KEEPS_ALL = Open("KEEPS_ALL: the scan's halves of all windows are stored")
 term = Open("term(j, b, values) -> arguments of `add` of row j")
 add = Open("add(n, *term(j, b, values), row, pitch, x, reference, plane, sums): adds row j to sums")
@@ -74,7 +74,7 @@ def scan(n, length, region, positions, source, halves, sums, values):
     for low in range(0, length, width):
         high, b = min(low + width, length), min(low + region, length - 1)
         reference, begin = row_at(x, b * apart), 0 if KEEPS_ALL else low
-        clear(n, ROWS_BEFORE + 3, n, sums)
+        clear(n, PLANES, n, sums)
         j = b
         for back in range(high - low):
             i = high - 1 - back
@@ -82,8 +82,8 @@ def scan(n, length, region, positions, source, halves, sums, values):
                 j -= 1
                 row, here = row_at(terms, j * terms_apart), row_at(x, j * apart)
                 add(n, *term(j, b, values), row, pitch, here, reference, plane, sums)
-            copy(n, ROWS_BEFORE + 3, sums, n, row_at(stored, (i - begin) * stored_apart), stored_pitch)
-        clear(n, ROWS_BEFORE + 3, n, sums)
+            copy(n, PLANES, sums, n, row_at(stored, (i - begin) * stored_apart), stored_pitch)
+        clear(n, PLANES, n, sums)
         j = b
         for i in range(low, high):
             while j <= min(length - 1, i + region):
@@ -122,7 +122,7 @@ def end_goal_window(n, i, b, reference, x, plane, sums, half, pitch, values):
 
 def moment_scan(turns: int, then: Any) -> Any:
     """Return the scan of moments after `turns` axes, which calls `then` for each window."""
-    rows = {"ROWS_BEFORE": 3 * (turns + 1)}
+    rows = {"ROWS_BEFORE": 3 * (turns + 1), "PLANES": 3 * (turns + 2)}
     parts = {
         "term": moment_term,
         "add": filled(add_moments, rows),
@@ -133,6 +133,6 @@ def moment_scan(turns: int, then: Any) -> Any:
 
 def goal_scan(rest: int) -> Any:
     """Return the scan of displacements to goals before `rest` more axes."""
-    rows = {"ROWS_BEFORE": 3 * (rest + 1)}
+    rows = {"ROWS_BEFORE": 3 * (rest + 1), "PLANES": 3 * (rest + 2)}
     parts = {"term": goal_term, "add": filled(add_goals, rows), "end": filled(end_goal_window, rows)}
     return filled(scan, {"KEEPS_ALL": False} | rows | parts)

@@ -12,7 +12,7 @@ from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.shape_matching.damping import gather_motion
-from softlab.cpu_backend.shape_matching.kernels import AXES, in_order, lane_sum, listed, particle_of
+from softlab.cpu_backend.shape_matching.kernels import AXES, GATHERS, lane_sum
 from softlab.cpu_backend.shape_matching.layout import LONE
 from softlab.cpu_backend.shape_matching.motions import motion_of, velocity_at
 from softlab.model.base.types import Real
@@ -30,7 +30,7 @@ def worth_rows(blocks, motion, slots, x, y, z, vx, vy, vz, wanted, mass, lanes):
     for block in range(blocks):
         for lane in range(LANES):
             e = block * LANES + lane
-            k, m = particle_of(slots, e), mass[e]
+            k, m = slots[e] if GATHERS else e, mass[e]
             u, v, w = velocity_at(motion, x[k], y[k], z[k])
             lanes[lane] = weighed(lanes[lane], m, vx[k], vy[k], vz[k])
             lanes[LANES + lane] = weighed(lanes[LANES + lane], m, u, v, w)
@@ -39,8 +39,8 @@ def worth_rows(blocks, motion, slots, x, y, z, vx, vy, vz, wanted, mass, lanes):
                 lanes[3 * LANES + lane] = asked(lanes[3 * LANES + lane], m, wanted[k], vx[k], vy[k], vz[k])
 
 
-sum_worth = filled(worth_rows, {"particle_of": in_order})
-gather_worth = filled(worth_rows, {"particle_of": listed})
+sum_worth = filled(worth_rows, {"GATHERS": False})
+gather_worth = filled(worth_rows, {"GATHERS": True})
 
 
 @row_routine
@@ -57,8 +57,9 @@ def any_row(blocks, x, y, z):
 def touched(c, count, arrays):
     """Return True if a particle of cluster c got an impulse; for a straight cluster also a particle behind it in
     its block."""
-    impulses, starts, slots = arrays.rebound.impulses, arrays.starts, arrays.slots
-    first = np.int64(arrays.firsts[c])
+    impulses, starts, slots, first = (
+        arrays.rebound.impulses, arrays.starts, arrays.slots, np.int64(arrays.firsts[c])
+    )  # fmt: skip
     if arrays.straight[c]:
         return any_row(
             (starts[c + 1] - starts[c]) // LANES, row_at(impulses, first), row_at(impulses, count + first),
