@@ -68,6 +68,7 @@ FEATURES = {  # what a variant may have and a formula may ask for
     "material": "number of the elastic energy",
     "motion": "pins follow a motion",
     "per_constraint": "each constraint has its own compliance",
+    "run": "how many constraints a thread projects one after the other",
     SINGLE: "float32",
     "soft": "constraints have a compliance",
     "springs": "attachments are springs",
