@@ -128,9 +128,9 @@ def couple(pair, solver, shared):
     for e in range(t, np.int32(ENTRIES), threads):
         i, j = np.int32(e // MODES), np.int32(e % MODES)
         place = np.int32(MODES * (other - group) + j - i)
-        if place >= 0:
+        if place >= np.int32(0):
             coarse.band[(MODES * group + i) * width + place] = shared[TILE * ENTRIES + e]
-            if place == 0:
+            if place == np.int32(0):
                 coarse.entries[MODES * group + i] = shared[TILE * ENTRIES + e]
     cuda.syncthreads()
 
@@ -147,7 +147,7 @@ def factor(body, solver):
         inverse, negative = pivot(band[row], coarse.entries[k])
         if negative:
             bad = 1.0
-        if t == 0:
+        if t == np.int32(0):
             coarse.pivots[k] = inverse
         for j in range(t + 1, last_many + 1, threads):  # of the row before, which all have read
             band[row - width + j] = times(last_inverse, band[row - width + j])
