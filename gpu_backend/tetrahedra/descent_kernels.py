@@ -67,11 +67,16 @@ def values_of(values, count, t):
 
 
 @inlined_routine
+def strain_at(strains, count, t, n):
+    """Return strain n of tetrahedron t of `count`."""
+    return strains[np.uint32(np.int32(n * count) + t)]
+
+
+@inlined_routine
 def strains_of(strains, count, t):
     return (
-        strains[np.uint32(t)], strains[np.uint32(np.int32(count) + t)], strains[np.uint32(np.int32(2 * count) + t)],
-        strains[np.uint32(np.int32(3 * count) + t)], strains[np.uint32(np.int32(4 * count) + t)],
-        strains[np.uint32(np.int32(5 * count) + t)],
+        strain_at(strains, count, t, 0), strain_at(strains, count, t, 1), strain_at(strains, count, t, 2),
+        strain_at(strains, count, t, 3), strain_at(strains, count, t, 4), strain_at(strains, count, t, 5),
     )  # fmt: skip
 
 

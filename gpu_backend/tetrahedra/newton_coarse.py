@@ -65,7 +65,7 @@ def centre(group, solver, shared):
             squared = dot(p, q, r, p, q, r)
         shared[base + lane] = squared
         running = add_team(shared, base, np.int32(1), lane, running)
-    if lane == 0:
+    if lane == np.int32(0):
         store_quad(coarse.centres, group, cx, cy, cz, scale_of(running, count))
     width = coarse.width
     for n in range(lane, MODES * width, TEAM):
@@ -128,9 +128,9 @@ def couple(pair, solver, shared):
     for e in range(t, np.int32(ENTRIES), threads):
         i, j = np.int32(e // MODES), np.int32(e % MODES)
         place = np.int32(MODES * (other - group) + j - i)
-        if place >= 0:
+        if place >= np.int32(0):
             coarse.band[(MODES * group + i) * width + place] = shared[TILE * ENTRIES + e]
-            if place == 0:
+            if place == np.int32(0):
                 coarse.entries[MODES * group + i] = shared[TILE * ENTRIES + e]
     cuda.syncthreads()
 
@@ -147,7 +147,7 @@ def factor(body, solver):
         inverse, negative = pivot(band[row], coarse.entries[k])
         if negative:
             bad = 1.0
-        if t == 0:
+        if t == np.int32(0):
             coarse.pivots[k] = inverse
         for j in range(t + 1, last_many + 1, threads):  # of the row before, which all have read
             band[row - width + j] = times(last_inverse, band[row - width + j])
@@ -177,7 +177,7 @@ def solve(body, solver, shared):
         for j in range(lane + 1, many + 1, TEAM):
             shared[at + j] = moved(shared[at + j], -y, band[row + j])
         synchronize_team()
-        if lane == 0:
+        if lane == np.int32(0):
             shared[at] = y
     synchronize_team()
     for n in range(last - first):
@@ -189,6 +189,6 @@ def solve(body, solver, shared):
             shared[base + i - first] = moved(shared[base + i - first], -y, band[i * width + k - i])
             i = np.int32(i - TEAM)
         synchronize_team()
-        if lane == 0:
+        if lane == np.int32(0):
             coarse.solved[k] = y
     synchronize_team()

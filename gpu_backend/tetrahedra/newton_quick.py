@@ -173,7 +173,7 @@ def invert(column, solver, shared):
         for j in range(lane + 1 + TEAM, reached + 1, TEAM):
             shared[x + k + j] -= y * band[k * width + j]
         synchronize_team()
-        if lane == 0:
+        if lane == np.int32(0):
             shared[x + k] = y
     synchronize_team()
     entry, pivot = above(np.int32(last - 2 - lane), last - 1, first, solver), coarse.pivots[last - 1]
@@ -190,7 +190,7 @@ def invert(column, solver, shared):
             shared[x + i] -= y * band[i * width + k - i]
             i = np.int32(i - TEAM)
         synchronize_team()
-        if lane == 0:
+        if lane == np.int32(0):
             shared[x + k] = y
     synchronize_team()
     place = np.int32(solver.pairs.places[body] + (column - first) * size)

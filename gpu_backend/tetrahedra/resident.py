@@ -19,21 +19,22 @@ that.
 from __future__ import annotations
 
 from functools import cache
-from types import SimpleNamespace
 
 import numpy as np
 from numba import cuda
 
 from softlab.gpu_backend.contact.motion import make_motion
 from softlab.gpu_backend.core.blocks import PATIENCE, raise_flag, read_flag
-from softlab.gpu_backend.core.compile import Kernel, inlined, kernel_options, make_kernel, variant_name
+from softlab.gpu_backend.core.compile import Kernel, kernel_options, make_kernel, variant_name
 from softlab.gpu_backend.core.constraints import make_constants, make_run
 from softlab.gpu_backend.core.device import ALIGNMENT, simulated
 from softlab.gpu_backend.core.forces import make_forces
+from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.integers import make_clock
 from softlab.gpu_backend.core.messages import make_messages
 from softlab.gpu_backend.core.quads import AXES, SIZE, load_quad, store_quad
 from softlab.gpu_backend.core.world import World
+from softlab.gpu_backend.tetrahedra.newton_passes import add_gravity, add_particle_force, predict
 from softlab.gpu_backend.tetrahedra.slabs import (
     ALL,
     BORDER_AFTER,
@@ -46,206 +47,192 @@ from softlab.gpu_backend.tetrahedra.slabs import (
     STARTS,
 )
 from softlab.model.base.types import Real
+from softlab.model.base.variant import FEATURE, Open, filled, inlined_routine, routine
 from softlab.model.particles.constraints import Projection
 
+scalar = Open("type of the numbers in shared memory")
+send = Open("send(messages, index, x, y, z, tag)")
+receive = Open("receive(messages, index, tag) -> (x, y, z, true if they have arrived)")
+clock = Open("clock(counter, place, substeps, substep) -> (step, substep)")
+settle = Open("settle(before, now, world, number) -> (x, y, z, vx, vy, vz)")
+constants_of = Open("constants_of(parameters) -> constants of the projection")
+fetch = Open("fetch(corners, values, number, place, count) -> data of a run")
+take = Open("take(now, before, arrays, data, place, runs, count, fresh, constants): project a run")
 
-@cache
-def make_exchange(real: Real, math: str) -> SimpleNamespace:
-    """Make `send_border(messages, at, quads, first, count, tag)` and `hear(messages, at, quads, first, count, tag, failed)`,
-    run by the threads of a block together: send vertices `first` ... of the slab, in the messages from `at` on, and
-    wait for such messages."""
-    words, inline = make_messages(real), inlined(math)
-    send, receive = words.send, words.receive
 
-    @inline
-    def send_border(messages, at, quads, first, count, tag):
-        n, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
-        while n < count:  # not a range: its number of iterations would be a quotient
-            q = load_quad(quads, np.int32(first + n))
-            send(messages, np.int32(at + n), q[0], q[1], q[2], tag)
-            n = np.int32(n + threads)
+@inlined_routine
+def send_border(messages, at, quads, first, count, tag):
+    """Send vertices `first` ... of the slab, in the messages from `at` on; by the threads of a block together."""
+    n, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
+    while n < count:  # not a range: its number of iterations would be a quotient
+        q = load_quad(quads, np.int32(first + n))
+        send(messages, np.int32(at + n), q[0], q[1], q[2], tag)
+        n = np.int32(n + threads)
 
-    @inline
-    def hear(messages, at, quads, first, count, tag, failed):
-        n, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
-        while n < count:
+
+@inlined_routine
+def hear(messages, at, quads, first, count, tag, failed):
+    """Wait for such messages, by the threads of a block together."""
+    n, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
+    while n < count:
+        x, y, z, here = receive(messages, np.int32(at + n), tag)
+        checks = np.int32(0)
+        while not here:
+            checks += np.int32(1)
+            if checks > PATIENCE or ((checks & 1023) == 0 and read_flag(failed, 0) != 0):
+                raise_flag(failed, 0, np.int32(1))
+                break
             x, y, z, here = receive(messages, np.int32(at + n), tag)
-            checks = np.int32(0)
-            while not here:
-                checks += np.int32(1)
-                if checks > PATIENCE or ((checks & 1023) == 0 and read_flag(failed, 0) != 0):
-                    raise_flag(failed, 0, np.int32(1))
-                    break
-                x, y, z, here = receive(messages, np.int32(at + n), tag)
-            vertex = np.int32(first + n)
-            store_quad(quads, vertex, x, y, z, load_quad(quads, vertex)[3])
+        vertex = np.int32(first + n)
+        store_quad(quads, vertex, x, y, z, load_quad(quads, vertex)[3])
+        n = np.int32(n + threads)
+
+
+@inlined_routine
+def begin(p, v, particle, world, step):
+    """Return the prediction of one mass from its state."""
+    ax, ay, az = add_gravity(0.0, 0.0, 0.0, world.parameters)
+    ax, ay, az = add_particle_force(ax, ay, az, particle, p[3], world.parameters, world.integers, step)
+    x, y, z = predict(p, v, ax, ay, az, world.parameters)
+    return x, y, z, p[3]
+
+
+@inlined_routine
+def end(before, now, world, number):
+    """Return (position, velocity) of one mass after substep `number`."""
+    px, py, pz, vx, vy, vz = settle(before, now, world, number)
+    return (px, py, pz, before[3]), (vx, vy, vz, 0.0)
+
+
+@inlined_routine
+def bounds(colour, starts, tables):
+    """Return (first run of a colour, how many); colours begin at `starts` in `tables`."""
+    start = tables[np.uint32(starts + colour)]
+    return start, np.int32(tables[np.uint32(starts + colour + 1)] - start)
+
+
+@inlined_routine
+def fetched(start, runs, corners, values, count):
+    """Load the data of a thread's first run; a thread without one loads another's, or the very first one."""
+    number = np.int32(start + min(np.int32(cuda.threadIdx.x), np.int32(runs - 1)))
+    place = np.int32(np.int32(FEATURE.run - 1) * start + number)
+    if runs == 0:
+        number, place = np.int32(0), np.int32(0)
+    return fetch(corners, values, number, place, count)
+
+
+@inlined_routine
+def ahead(colour, starts, tables, corners, values, count):
+    """Return (first run of a colour, how many, data of this thread's first one)."""
+    start, runs = bounds(colour, starts, tables)
+    return start, runs, fetched(start, runs, corners, values, count)
+
+
+@inlined_routine
+def sweep(
+    first, last, colours, starts, tables, now, before, corners, values, multipliers, count, fresh, constants, ready
+):  # fmt: skip
+    """Project a block's runs of the colours `first` to before `last` of all `colours`; `ready` is `ahead` of the first one.
+    Returns that of the next one."""
+    start, runs, ready_values = ready
+    for colour in range(first, last):
+        coming, many = bounds(np.int32(colour + 1) if colour + 1 < colours else np.int32(0), starts, tables)
+        n, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
+        while n < runs:
+            place = np.int32(FEATURE.run * start + n)
+            take(now, before, (corners, values, multipliers), ready_values, place, runs, count, fresh, constants)
             n = np.int32(n + threads)
-
-    return SimpleNamespace(send_border=send_border, hear=hear)
-
-
-@cache
-def make_turn(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """Make, for one mass, `begin(p, v, particle, world, step)`, the prediction from the state, and `end(before, now,
-    world, number)` -> (position, velocity) after substep `number`; all quads."""
-    forces, motion = make_forces(real, math, parts), make_motion(real, math, parts, AXES)
-    add_gravity, add_particle_force, predict, settle = (
-        forces.add_gravity,
-        forces.add_particle_force,
-        motion.predict,
-        motion.settle,
-    )
-    inline, zero = inlined(math), real(0)
-
-    @inline
-    def begin(p, v, particle, world, step):
-        ax, ay, az = add_gravity(zero, zero, zero, world.parameters)
-        ax, ay, az = add_particle_force(ax, ay, az, particle, p[3], world.parameters, world.integers, step)
-        x, y, z = predict(p, v, ax, ay, az, world.parameters)
-        return x, y, z, p[3]
-
-    @inline
-    def end(before, now, world, number):
-        px, py, pz, vx, vy, vz = settle(before, now, world, number)
-        return (px, py, pz, before[3]), (vx, vy, vz, zero)
-
-    return SimpleNamespace(begin=begin, end=end)
+            if n < runs:
+                ready_values = fetch(corners, values, np.int32(start + n), np.int32(FEATURE.run * start + n), count)
+        start, runs = coming, many
+        ready_values = fetched(start, runs, corners, values, count)  # loaded while others are waited for
+        cuda.syncthreads()
+    return start, runs, ready_values
 
 
-@cache
-def make_sweep(real: Real, math: str, projection: Projection) -> SimpleNamespace:
-    """Make `ahead` and `sweep`.
-
-    `ahead(colour, starts, tables, corners, values, count)`: (first run of a colour, how many, data of this thread's
-    first one), colours beginning at `starts` in `tables`. `sweep(first, last, colours, starts, tables, now, before,
-    corners, values, multipliers, count, fresh, constants, ready)`: a block's runs of the colours `first` to before
-    `last` of all `colours`; `ready` is `ahead` of the first one; returns that of the next one.
-    """
-    of_run, run, inline = make_run(real, math, projection), np.int32(projection.run), inlined(math)
-    fetch, take, zero, one = of_run.fetch, of_run.take, np.int32(0), np.int32(1)
-
-    @inline
-    def bounds(colour, starts, tables):
-        start = tables[np.uint32(starts + colour)]
-        return start, np.int32(tables[np.uint32(starts + colour + one)] - start)
-
-    @inline
-    def fetched(start, runs, corners, values, count):
-        """Load the data of a thread's first run; a thread without one loads another's, or the very first one."""
-        number = np.int32(start + min(np.int32(cuda.threadIdx.x), np.int32(runs - one)))
-        place = np.int32(np.int32(run - one) * start + number)
-        if runs == zero:
-            number, place = zero, zero
-        return fetch(corners, values, number, place, count)
-
-    @inline
-    def ahead(colour, starts, tables, corners, values, count):
-        start, runs = bounds(colour, starts, tables)
-        return start, runs, fetched(start, runs, corners, values, count)
-
-    @inline
-    def sweep(
-        first, last, colours, starts, tables, now, before, corners, values, multipliers, count, fresh, constants, ready
-    ):  # fmt: skip
-        start, runs, ready_values = ready
-        for colour in range(first, last):
-            coming, many = bounds(np.int32(colour + 1) if colour + 1 < colours else zero, starts, tables)
-            n, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
-            while n < runs:
-                place = np.int32(run * start + n)
-                take(now, before, (corners, values, multipliers), ready_values, place, runs, count, fresh, constants)
-                n = np.int32(n + threads)
-                if n < runs:
-                    ready_values = fetch(corners, values, np.int32(start + n), np.int32(run * start + n), count)
-            start, runs = coming, many
-            ready_values = fetched(start, runs, corners, values, count)  # loaded while others are waited for
-            cuda.syncthreads()
-        return start, runs, ready_values
-
-    return SimpleNamespace(ahead=ahead, sweep=sweep)
-
-
-@cache
-def make_tetrahedra_resident(real: Real, math: str, parts: frozenset[str], projection: Projection) -> Kernel:
-    """Compile kernel(position, velocity, new_position, new_velocity, tables, corners, values, multipliers, messages,
-    borders, epoch, failed, record, bodies, integers, counter, early, colours, size, largest, steps, substeps,
-    iterations): `steps` steps of the bodies of one set, from the old state to the new one.
+@routine
+def tetrahedra_resident(
+    position, velocity, new_position, new_velocity, tables, corners, values, multipliers, messages, borders, epoch,
+    failed, record, bodies, integers, counter, early, colours, size, largest, steps, substeps, iterations,
+):  # fmt: skip
+    """Do `steps` steps of the bodies of one set, from the old state to the new one.
 
     `tables`, `corners`, `early`, `colours`, `largest`: of Slabs, whose constraints are `size`; `messages` (3 borders *
     message_size,): downwards, upwards, downwards of old positions, with tags `epoch` + 1, + 2, ...; `failed` (1,) int32
     is set to 1 by a block whose messages never arrive. Launched cooperatively, one block per slab.
     """
-    turn, clock = make_turn(real, math, parts), make_clock(math, parts)
-    exchange, of_sweep = make_exchange(real, math), make_sweep(real, math, projection)
-    begin, end, send_border, hear, ahead, sweep = (
-        turn.begin, turn.end, exchange.send_border, exchange.hear, of_sweep.ahead, of_sweep.sweep
-    )  # fmt: skip
-    constants_of, is_damped = make_constants(real, math, projection), projection.damped
-    no_colour, no_place, one = np.int32(0), np.int64(0), np.int64(1)
-    scalar = np.dtype(real) if simulated() else real
-
-    def tetrahedra_resident(
-        position, velocity, new_position, new_velocity, tables, corners, values, multipliers, messages, borders, epoch,
-        failed, record, bodies, integers, counter, early, colours, size, largest, steps, substeps, iterations,
-    ):  # fmt: skip
-        shared = cuda.shared.array(0, scalar, alignment=ALIGNMENT)
-        capacity = SIZE * largest
-        now, before = shared[:capacity], shared[capacity : 2 * capacity]
-        head = np.int32(cuda.blockIdx.x * HEADER)
-        local_count, known, particles = tables[head + LOCAL], tables[head + ALL], tables[head + LIST]
-        common, starts, count = tables[head + SHARED], tables[head + STARTS], np.int32(size)
-        below, above, others = tables[head + BORDER_BEFORE], tables[head + BORDER_AFTER], np.int32(known - local_count)
-        world, constants = World(record[0], bodies, integers), constants_of(record[0])
-        thread, threads, tag = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x), np.int32(epoch)
-        place, substep = no_place, no_place
-        step, number = clock(counter, place, substeps, substep)
-        for n in range(thread, known, threads):
-            k = tables[particles + n]
-            p = load_quad(position, k)
-            store_quad(before, np.int32(n), p[0], p[1], p[2], p[3])
-            if n < local_count:
-                p = begin(p, load_quad(velocity, k), k, world, step)
-            store_quad(now, np.int32(n), p[0], p[1], p[2], p[3])
-        ready = ahead(no_colour, starts, tables, corners, values, count)
-        cuda.syncthreads()
-        while place < steps:
-            for half in range(2 * iterations):  # even layers, odd ones: one loop, so that its code exists once
-                fresh, late = np.int32(half < 2), half % 2 == 1
-                first, last = (early, colours) if late else (no_colour, early)
-                ready = sweep(
-                    first, last, colours, starts, tables, now, before, corners, values, multipliers, count, fresh,
-                    constants, ready,
-                )  # fmt: skip
-                if late:
-                    send_border(messages, borders + above, now, local_count, others, tag)
-                    hear(messages, borders + below, now, 0, common, tag, failed)
-                else:
-                    tag = np.int32(tag + 1)
-                    send_border(messages, below, now, 0, common, tag)
-                    if is_damped:
-                        if fresh:
-                            send_border(messages, 2 * borders + below, before, 0, common, tag)
-                            hear(messages, 2 * borders + above, before, local_count, others, tag, failed)
-                    hear(messages, above, now, local_count, others, tag, failed)
-                cuda.syncthreads()
-            substep += one
-            if substep == substeps:
-                place, substep = place + one, no_place
-            step, coming = clock(counter, place, substeps, substep)
-            n = thread
-            while n < local_count:  # not a range: its number of iterations would be a quotient
-                p, v = end(load_quad(before, n), load_quad(now, n), world, number)
-                k = tables[np.uint32(particles + n)]
-                if place < steps:
-                    store_quad(before, n, p[0], p[1], p[2], p[3])
-                    p = begin(p, v, k, world, step)
-                    store_quad(now, n, p[0], p[1], p[2], p[3])
-                else:
-                    store_quad(new_position, k, p[0], p[1], p[2], p[3])
-                    store_quad(new_velocity, k, v[0], v[1], v[2], v[3])
-                n = np.int32(n + threads)
-            number = coming
+    shared = cuda.shared.array(0, scalar, alignment=ALIGNMENT)
+    capacity = SIZE * largest
+    now, before = shared[:capacity], shared[capacity : 2 * capacity]
+    head = np.int32(cuda.blockIdx.x * HEADER)
+    local_count, known, particles = tables[head + LOCAL], tables[head + ALL], tables[head + LIST]
+    common, starts, count = tables[head + SHARED], tables[head + STARTS], np.int32(size)
+    below, above, others = tables[head + BORDER_BEFORE], tables[head + BORDER_AFTER], np.int32(known - local_count)
+    world, constants = World(record[0], bodies, integers), constants_of(record[0])
+    thread, threads, tag = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x), np.int32(epoch)
+    place, substep = np.int64(0), np.int64(0)
+    step, number = clock(counter, place, substeps, substep)
+    for n in range(thread, known, threads):
+        k = tables[particles + n]
+        p = load_quad(position, k)
+        store_quad(before, np.int32(n), p[0], p[1], p[2], p[3])
+        if n < local_count:
+            p = begin(p, load_quad(velocity, k), k, world, step)
+        store_quad(now, np.int32(n), p[0], p[1], p[2], p[3])
+    ready = ahead(np.int32(0), starts, tables, corners, values, count)
+    cuda.syncthreads()
+    while place < steps:
+        for half in range(2 * iterations):  # even layers, odd ones: one loop, so that its code exists once
+            fresh, late = np.int32(half < 2), half % 2 == 1
+            first, last = (early, colours) if late else (np.int32(0), early)
+            ready = sweep(
+                first, last, colours, starts, tables, now, before, corners, values, multipliers, count, fresh,
+                constants, ready,
+            )  # fmt: skip
+            if late:
+                send_border(messages, borders + above, now, local_count, others, tag)
+                hear(messages, borders + below, now, 0, common, tag, failed)
+            else:
+                tag = np.int32(tag + 1)
+                send_border(messages, below, now, 0, common, tag)
+                if FEATURE.damped:
+                    if fresh:
+                        send_border(messages, 2 * borders + below, before, 0, common, tag)
+                        hear(messages, 2 * borders + above, before, local_count, others, tag, failed)
+                hear(messages, above, now, local_count, others, tag, failed)
             cuda.syncthreads()
+        substep += 1
+        if substep == substeps:
+            place, substep = place + 1, np.int64(0)
+        step, coming = clock(counter, place, substeps, substep)
+        n = thread
+        while n < local_count:  # not a range: its number of iterations would be a quotient
+            p, v = end(load_quad(before, n), load_quad(now, n), world, number)
+            k = tables[np.uint32(particles + n)]
+            if place < steps:
+                store_quad(before, n, p[0], p[1], p[2], p[3])
+                p = begin(p, v, k, world, step)
+                store_quad(now, n, p[0], p[1], p[2], p[3])
+            else:
+                store_quad(new_position, k, p[0], p[1], p[2], p[3])
+                store_quad(new_velocity, k, v[0], v[1], v[2], v[3])
+            n = np.int32(n + threads)
+        number = coming
+        cuda.syncthreads()
 
-    variant = f"{projection.name}_{variant_name(real, math, parts)}"
-    return make_kernel(tetrahedra_resident, variant, launch_bounds=(MOST_THREADS, 1), **kernel_options(math))
+
+@cache
+def make_tetrahedra_resident(real: Real, math: str, parts: frozenset[str], projection: Projection) -> Kernel:
+    """Compile `tetrahedra_resident`."""
+    forces, motion = make_forces(real, math, parts), make_motion(real, math, parts, AXES)
+    messages, run = make_messages(real), make_run(real, math, projection)
+    names = {
+        "add_gravity": forces.add_gravity, "add_particle_force": forces.add_particle_force,
+        "predict": motion.predict, "settle": motion.settle, "clock": make_clock(math, parts),
+        "send": messages.send, "receive": messages.receive, "fetch": run.fetch, "take": run.take,
+        "constants_of": make_constants(real, math, projection), "scalar": np.dtype(real) if simulated() else real,
+    }  # fmt: skip
+    variant = device_variant(real, math, {"damped": projection.damped, "run": projection.run})
+    label = f"{projection.name}_{variant_name(real, math, parts)}"
+    kernel = variant.copied(filled(tetrahedra_resident, names))
+    return make_kernel(kernel, label, launch_bounds=(MOST_THREADS, 1), **kernel_options(math))

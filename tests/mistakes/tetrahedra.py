@@ -54,13 +54,13 @@ XPBD: tuple[Mistake, ...] = (
         "simulator/test_simulated_sleep.py",
         {
             "a vertex sleeps beside one that moves (cpu)": ("still = still and slow[neighbours[n]] == 1", "still = still and slow[k] == 1"),
-            "a sleeping vertex keeps its velocity (cpu)": ("position[k, axis], velocity[k, axis] = before[k, axis], zero", "position[k, axis] = before[k, axis]"),
+            "a sleeping vertex keeps its velocity (cpu)": ("position[k, axis], velocity[k, axis] = before[k, axis], 0.0", "position[k, axis] = before[k, axis]"),
         },
     ),
     *in_file(
         "gpu_backend/tetrahedra/sleep.py",
         "simulator/test_simulated_sleep.py",
-        {"the velocity of the substep before is not stored (gpu)": ("store_quad(earlier, k, v[0], v[1], v[2], zero)", "store_quad(earlier, k, zero, zero, zero, zero)")},
+        {"the velocity of the substep before is not stored (gpu)": ("store_quad(earlier, k, v[0], v[1], v[2], 0.0)", "store_quad(earlier, k, 0.0, 0.0, 0.0, 0.0)")},
     ),
 )  # fmt: skip
 
@@ -88,7 +88,7 @@ DESCENT: tuple[Mistake, ...] = (
         SIMULATED_VBD,
         {
             "every colour visits the first one's vertices (gpu)": ("k, count = np.int32(first + cuda.grid(1)), np.int32(size)", "k, count = np.int32(cuda.grid(1)), np.int32(size)"),
-            "strains of a damper are read by rows (gpu)": ("inline(lambda strains, unused, count, t: strains[np.uint32(np.int32(n * count) + t)])", "inline(lambda strains, unused, count, t: strains[np.uint32(np.int32(n + descent.STRAINS * t))])"),
+            "strains of a damper are read by rows (gpu)": ("return strains[np.uint32(np.int32(n * count) + t)]", "return strains[np.uint32(np.int32(n + STRAINS * t))]"),
         },
     ),
     *in_file(
@@ -149,7 +149,7 @@ NEWTON: tuple[Mistake, ...] = (
         SIMULATED_NEWTON,
         {
             "a block of the matrix is not transposed below its diagonal (gpu)": ("if item & 1:", "if item < 0:"),
-            "the residual begins uphill (gpu)": ("store_quad(v.residual, k, -g[0], -g[1], -g[2], zero)", "store_quad(v.residual, k, g[0], g[1], g[2], zero)"),
+            "the residual begins uphill (gpu)": ("store_quad(v.residual, k, -g[0], -g[1], -g[2], 0.0)", "store_quad(v.residual, k, g[0], g[1], g[2], 0.0)"),
         },
     ),
 )  # fmt: skip
@@ -170,7 +170,7 @@ HOLDING: tuple[Mistake, ...] = (
     *in_file(
         "gpu_backend/tetrahedra/springs.py",
         "simulator/test_simulated_bits.py::test_kernels_have_the_bits_of_the_cpu[newton-attached-float32]",
-        {"the fifth corner of a spring is its first (gpu)": ("pull(points, numbers, (entry >> one) & seven)", "pull(points, numbers, (entry >> one) & np.int32(3))")},
+        {"the fifth corner of a spring is its first (gpu)": ("pull(points, numbers, (entry >> 1) & 7)", "pull(points, numbers, (entry >> 1) & 3)")},
     ),
     *in_file(
         "model/tetrahedra/targets.py",
