@@ -50,7 +50,8 @@ def is_inside(i, j):
 def owned(slot, origin, rows, columns):
     """Return (true if the block owns it, its index in the tile, its number) of a thread's mass."""
     exists, here, k, row, column = mass(slot, origin, rows, columns)
-    return exists and is_inside(np.int32(row - origin[0]), np.int32(column - origin[1])), here, k
+    inside = is_inside(np.int32(row - origin[0]), np.int32(column - origin[1]))
+    return exists and inside, here, k
 
 
 class Tethers(NamedTuple):
@@ -154,8 +155,9 @@ def multiplier_place(slot, origin, rows, columns):
     row, column = np.int32(origin[0] + i), np.int32(origin[1] + j)
     exists = exists and row >= 0 and column >= 0 and row + down < rows and column + along < columns
     exists = exists and i + down < np.int32(FEATURE.tile_rows) and j + along < np.int32(FEATURE.tile_columns)
+    inside = is_inside(i, j + np.int32(FEATURE.rising))
     place = np.int64(FEATURE.multiplier_plane) * rows * columns + np.int32(row * columns + column)
-    return exists, exists and is_inside(i, j + np.int32(FEATURE.rising)), place
+    return exists, exists and inside, place
 
 
 @inlined_routine
