@@ -74,7 +74,6 @@ FEATURES = {  # what a variant may have and a formula may ask for
     "axes": "2 or 3 dimensions",
     "balls": "vertices are balls, each of a radius",
     "bending": "there are bending constraints",
-    "block": "columns per iteration of loops along a row",
     "blocks": "constraints of a tetrahedron are solved together",
     "body_damping": "bodies have damping rates of their own",
     "bounces": "contacts have restitution",
@@ -147,12 +146,13 @@ FEATURES = {  # what a variant may have and a formula may ask for
     "mesh_collider": "there are meshes among the colliders",
     "motion": "pins follow a motion",
     "moved": "how many corners a constraint moves",
-    "moving": "neighbours' velocities act on a mass",
+    "moving": "walls of a fluid move",
     "multiplier_plane": "number of a family's plane of multipliers",
     "multipliers": "how many multipliers a constraint has",
     "name_of_compliance": "the constraints' compliance in the record of constants",
     "name_of_damping": "the constraints' damping in the record of constants",
     "name_of_stiffening": "the constraints' stiffening in the record of constants",
+    "neighbour_velocities": "neighbours' velocities act on a mass",
     "neighbours": "capacity of a neighbour list",
     "number": "number of the constraint set in its tuple",
     "numbers": "how many numbers a row has",
@@ -384,7 +384,8 @@ def open_names(function: Any) -> frozenset[str]:
 
 def _filled_inside(value: Any, names: dict[str, Any]) -> Any:
     """Return what a formula with `names` calls: `value`, with those of the names that are open in it or in these."""
-    inside, left = {}, [value]
+    inside: dict[str, Any] = {}
+    left = [value]
     while left:
         one = left.pop()
         for name in names.keys() & open_names(one) - inside.keys() if is_formula(one) else ():
