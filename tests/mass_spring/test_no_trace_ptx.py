@@ -17,7 +17,6 @@ import pytest
 from kernel_text import kernel_text
 from ptx_rows import PASS, tile_row
 
-from softlab.model.base.variant import formula
 from softlab.model.core import own_forces
 from softlab.model.core.parameters import PARAMETERS
 
@@ -146,9 +145,8 @@ def test_the_stages_of_rk4_drop_damping_and_random_force(real: Any) -> None:
             assert (MULTIPLIERS[0] in text) == ("external" in parts)
 
 
-@formula
-def never_known(*_):
-    """In place of a formula: nothing that numba could compile."""
+def never_known(*_: Any) -> Any:
+    """In place of a formula: nothing that a variant would compile."""
     raise AssertionError("the formula of an absent part was called")
 
 
@@ -183,5 +181,5 @@ def test_a_bare_kernel_is_one_that_never_knew(real: Any, request: pytest.Fixture
     assert count(plain) + 2 <= count(with_damping)  # a product and a sum, or both in one, for each axis
     request.getfixturevalue("unknowing")
     assert instructions(passes(real, "lab", bare, anew=True)["step"]) == plain
-    with pytest.raises(Exception, match="damped"):  # it is seen where it is wanted
+    with pytest.raises(TypeError, match="never_known, which is no formula"):  # it is seen where it is wanted
         passes(real, "lab", bare | {"damping"}, anew=True)

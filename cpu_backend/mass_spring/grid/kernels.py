@@ -17,7 +17,7 @@ from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import BLOCK, L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, PLANES, row_at
 from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.mass_spring.grid.row_step import pass_kind, step_row
-from softlab.cpu_backend.mass_spring.grid.rows import SUM_ROWS, begin_walk, sheet_kernel, variant_name
+from softlab.cpu_backend.mass_spring.grid.rows import SUM_ROWS, begin_walk, grid_kernel, variant_name
 from softlab.model.base.types import Real
 from softlab.model.base.variant import routine
 
@@ -62,4 +62,4 @@ def make_advance(real: Real, math: str, integrator: str, parts: frozenset[str]) 
     `scratches`: SCRATCH_ROWS rows per band.
     """
     compiler = Compiler(variant_name("fused", real, math, integrator, parts), math)
-    return compiler.team(sheet_kernel(compiler, advance, real, integrator, parts))
+    return compiler.team(grid_kernel(compiler, advance, real, integrator, parts))

@@ -22,7 +22,7 @@ from softlab.cpu_backend.core.layout import BLOCK, L_COLUMNS, L_PLANE, L_ROWS, L
 from softlab.cpu_backend.core.progress import SPINS, bide, exchange, load_acquire, store_release
 from softlab.cpu_backend.mass_spring.grid.kernels import ABOVE_ROWS, SCRATCH_ROWS
 from softlab.cpu_backend.mass_spring.grid.row_step import pass_kind, step_row
-from softlab.cpu_backend.mass_spring.grid.rows import begin_walk, sheet_kernel, variant_name
+from softlab.cpu_backend.mass_spring.grid.rows import begin_walk, grid_kernel, variant_name
 from softlab.model.base.types import Real
 from softlab.model.base.variant import routine
 
@@ -130,4 +130,4 @@ def make_team_advance(real: Real, math: str, integrator: str, parts: frozenset[s
     `progress`: TEAM_FLAGS flags per band, all 0; `scratches`: TEAM_SCRATCH_ROWS rows per band.
     """
     compiler = Compiler(variant_name("team", real, math, integrator, parts), math)
-    return compiler.team(sheet_kernel(compiler, advance, real, integrator, parts))
+    return compiler.team(grid_kernel(compiler, advance, real, integrator, parts))

@@ -17,8 +17,8 @@ from softlab.cpu_backend.mass_spring.grid.rows import (
     add_later_parts,
     apply_pins,
     begin_walk,
+    grid_kernel,
     place_ghosts,
-    sheet_kernel,
     sum_row,
     variant_name,
 )
@@ -132,4 +132,4 @@ def make_advance_rk4(real: Real, math: str, parts: frozenset[str]) -> Callable:
     SCRATCH_ROWS rows per band.
     """
     compiler = Compiler(variant_name("fused", real, math, "rk4", parts), math)
-    return compiler.team(sheet_kernel(compiler, advance, real, "rk4", parts))
+    return compiler.team(grid_kernel(compiler, advance, real, "rk4", parts))

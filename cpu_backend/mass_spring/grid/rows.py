@@ -36,7 +36,7 @@ def variant_name(kernel: str, real: Real, math: str, integrator: str, parts: fro
     return "_".join(words)
 
 
-def sheet_kernel(compiler: Compiler, kernel: Callable, real: Real, integrator: str, parts: frozenset[str]) -> Callable:
+def grid_kernel(compiler: Compiler, kernel: Callable, real: Real, integrator: str, parts: frozenset[str]) -> Callable:
     """Return a copy of a kernel of the grid for a scene's `parts`, which the compiler compiles."""
     names = {
         "add_particle_force": make_particle_force_row(compiler, real, 2, parts), "one_force": step_formula(integrator)

@@ -20,7 +20,7 @@ from softlab.cpu_backend.core.layout import BLOCK, L_COLUMNS, L_PLANE, L_ROWS, L
 from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.mass_spring.grid.kernels import ABOVE_ROWS
 from softlab.cpu_backend.mass_spring.grid.row_step import pass_kind, step_row
-from softlab.cpu_backend.mass_spring.grid.rows import SUM_ROWS, begin_walk, sheet_kernel, variant_name
+from softlab.cpu_backend.mass_spring.grid.rows import SUM_ROWS, begin_walk, grid_kernel, variant_name
 from softlab.model.base.types import Real
 from softlab.model.base.variant import routine
 
@@ -123,4 +123,4 @@ def make_tiled_advance(real: Real, math: str, integrator: str, parts: frozenset[
     `tiling`: Tiling of choice.py.
     """
     compiler = Compiler(variant_name("tiled", real, math, integrator, parts), math)
-    return compiler.team(sheet_kernel(compiler, advance, real, integrator, parts))
+    return compiler.team(grid_kernel(compiler, advance, real, integrator, parts))
