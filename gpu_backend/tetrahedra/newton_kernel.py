@@ -80,7 +80,7 @@ def packed(arrays: Sequence[np.ndarray]) -> np.ndarray:
 
 @inlined_routine
 def vectors_of(position, velocity, working):
-    """Return the vectors. (Views of the `packed` arrays t follow: a device function returns no slice by itself.)"""
+    """Return the arrays of particles by name. A device function returns no slice by itself, a tuple of them it does."""
     n, w = position.size, working
     return Vectors(
         position, velocity, w[:n], w[n : 2 * n], w[2 * n : 3 * n], w[3 * n : 4 * n], w[4 * n : 5 * n], w[5 * n : 6 * n],
@@ -91,6 +91,7 @@ def vectors_of(position, velocity, working):
 
 @inlined_routine
 def rows_of(t):
+    """Return views of the `packed` arrays t, as do `groups_of` and `pairs_of`."""
     return BlockRows(
         t[t[2] : t[3]], t[t[3] : t[4]], t[t[4] : t[5]], t[t[5] : t[6]], t[t[6] : t[7]], t[t[7] : t[8]], t[t[8] : t[9]]
     )  # fmt: skip

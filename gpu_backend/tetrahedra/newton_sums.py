@@ -102,89 +102,67 @@ def of_block(shared, base, x):
 
 
 @inlined_routine
-def add_groups_in_order(shared, sums, width, group, count, parts):
-    t, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
-    groups = np.int32((width + SUMMED - 1) // SUMMED)
-    cuda.syncthreads()
-    for one in range(t, sums * groups, threads):
-        s, g = np.int32(one // groups), np.int32(one % groups)
-        running, first = 0.0, np.int32(s * UNIT + g * SUMMED)
-        for n in range(np.int32(SUMMED)):
-            running = running + shared[first + n]
-        parts[s * count + group + g] = running
-    cuda.syncthreads()
-
-
-@inlined_routine
-def total_in_order(shared, sums, count, parts):
-    t, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
-    running = 0.0
-    for first in range(0, count, CAPACITY // 2):
-        many = np.int32(min(np.int32(CAPACITY // 2), np.int32(count - first)))
-        cuda.syncthreads()
-        for s in range(sums):
-            for n in range(t, many, threads):
-                shared[s * (CAPACITY // 2) + n] = parts[s * count + first + n]
-        cuda.syncthreads()
-        if t < sums:
-            for n in range(many):
-                running = running + shared[t * (CAPACITY // 2) + n]
-    cuda.syncthreads()
-    if t < sums:
-        shared[t] = running
-    cuda.syncthreads()
-
-
-@inlined_routine
-def add_groups_by_warps(shared, sums, width, group, count, parts):
-    t, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
-    cuda.syncthreads()
-    for s in range(sums):
-        running = 0.0
-        for n in range(t, width, threads):
-            running = running + shared[s * UNIT + n]
-        running = of_block(shared, np.int32(2 * UNIT // SLOTS), running)
-        groups = np.int32((width + SUMMED - 1) // SUMMED)
-        for n in range(t, groups, threads):
-            parts[s * count + group + n] = running if n == 0 else 0.0
-    cuda.syncthreads()
-
-
-@inlined_routine
-def total_by_warps(shared, sums, count, parts):
-    t, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
-    one, other = 0.0, 0.0
-    for n in range(t, count, threads):
-        one = one + parts[n]
-        if sums > 1:
-            other = other + parts[count + n]
-    cuda.syncthreads()
-    put(shared, np.int32(1), one)
-    put(shared, np.int32(2), other)
-    cuda.syncthreads()
-    one, other = slots(shared, np.int32(1)), slots(shared, np.int32(2))
-    if t == 0:
-        shared[0], shared[1] = one, other
-    cuda.syncthreads()
-
-
-@inlined_routine
 def add_groups(shared, sums, width, group, count, parts):
     """Write the sums of groups. Of the `sums` x UNIT numbers in `shared`, of which `width` count, the sums of each SUMMED
     become parts[s count + group], + 1, ... In fast math the first of groups gets all of a block's, the others zero."""
+    t, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
     if FEATURE.fast:
-        add_groups_by_warps(shared, sums, width, group, count, parts)
+        cuda.syncthreads()
+        for s in range(sums):
+            running = 0.0
+            for n in range(t, width, threads):
+                running = running + shared[s * UNIT + n]
+            running = of_block(shared, np.int32(2 * UNIT // SLOTS), running)
+            groups = np.int32((width + SUMMED - 1) // SUMMED)
+            for n in range(t, groups, threads):
+                parts[s * count + group + n] = running if n == 0 else 0.0
+        cuda.syncthreads()
     else:
-        add_groups_in_order(shared, sums, width, group, count, parts)
+        groups = np.int32((width + SUMMED - 1) // SUMMED)
+        cuda.syncthreads()
+        for one in range(t, sums * groups, threads):
+            s, g = np.int32(one // groups), np.int32(one % groups)
+            running, first = 0.0, np.int32(s * UNIT + g * SUMMED)
+            for n in range(np.int32(SUMMED)):
+                running = running + shared[first + n]
+            parts[s * count + group + g] = running
+        cuda.syncthreads()
 
 
 @inlined_routine
 def total(shared, sums, count, parts):
     """Write the sums of all `count` to shared[0], shared[1]."""
+    t, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
     if FEATURE.fast:
-        total_by_warps(shared, sums, count, parts)
+        one, other = 0.0, 0.0
+        for n in range(t, count, threads):
+            one = one + parts[n]
+            if sums > 1:
+                other = other + parts[count + n]
+        cuda.syncthreads()
+        put(shared, np.int32(1), one)
+        put(shared, np.int32(2), other)
+        cuda.syncthreads()
+        one, other = slots(shared, np.int32(1)), slots(shared, np.int32(2))
+        if t == 0:
+            shared[0], shared[1] = one, other
+        cuda.syncthreads()
     else:
-        total_in_order(shared, sums, count, parts)
+        running = 0.0
+        for first in range(0, count, CAPACITY // 2):
+            many = np.int32(min(np.int32(CAPACITY // 2), np.int32(count - first)))
+            cuda.syncthreads()
+            for s in range(sums):
+                for n in range(t, many, threads):
+                    shared[s * (CAPACITY // 2) + n] = parts[s * count + first + n]
+            cuda.syncthreads()
+            if t < sums:
+                for n in range(many):
+                    running = running + shared[t * (CAPACITY // 2) + n]
+        cuda.syncthreads()
+        if t < sums:
+            shared[t] = running
+        cuda.syncthreads()
 
 
 @inlined_routine
