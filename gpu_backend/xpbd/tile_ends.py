@@ -155,9 +155,13 @@ def multiplier_place(slot, origin, rows, columns):
     row, column = np.int32(origin[0] + i), np.int32(origin[1] + j)
     exists = exists and row >= 0 and column >= 0 and row + down < rows and column + along < columns
     exists = exists and i + down < np.int32(FEATURE.tile_rows) and j + along < np.int32(FEATURE.tile_columns)
-    inside = is_inside(i, j + np.int32(FEATURE.rising))
-    place = np.int64(FEATURE.multiplier_plane) * rows * columns + np.int32(row * columns + column)
-    return exists, exists and inside, place
+    lead = np.int32(FEATURE.rising)
+    first_row, first_column = np.int32(FEATURE.halo_rows), np.int32(FEATURE.halo_columns)
+    end_row = np.int32(FEATURE.halo_rows + FEATURE.owned_rows)
+    end_column = np.int32(FEATURE.halo_columns + FEATURE.owned_columns)
+    inside = i >= first_row and i < end_row and j + lead >= first_column and j + lead < end_column
+    plane = np.int64(FEATURE.multiplier_plane)
+    return exists, exists and inside, plane * rows * columns + np.int32(row * columns + column)
 
 
 @inlined_routine
