@@ -369,12 +369,10 @@ def open_names(function: Any) -> frozenset[str]:
     while left:
         one = left.pop()
         inner, known = (one.function, one.names) if isinstance(one, Filled) else (one, {})
-        left += [value for value in known.values() if is_formula(value)]
-        for name in set(inner.__code__.co_names) - known.keys():
-            value = inner.__globals__.get(name)
-            if isinstance(value, Open):
-                names.add(name)
-            elif is_formula(value) and value not in seen:
+        called = {name: inner.__globals__.get(name) for name in set(inner.__code__.co_names) - known.keys()}
+        names |= {name for name, value in called.items() if isinstance(value, Open)}
+        for value in (*known.values(), *called.values()):
+            if is_formula(value) and value not in seen:
                 seen.add(value)
                 left.append(value)
     return frozenset(names)
