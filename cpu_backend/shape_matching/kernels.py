@@ -39,7 +39,7 @@ AT_NEW = AT_OLD + QUATERNION
 AT_MAPS = AT_NEW + QUATERNION + 1
 SCRATCH = AT_MAPS + ENTRIES
 
-GATHERS = Open("GATHERS: the particles of a cluster are not in order")
+GATHERS: Any = Open("GATHERS: the particles of a cluster are not in order")
 
 
 @routine

@@ -22,7 +22,7 @@ from softlab.model.formulas.shape_matching.lattice import lever as lever_of
 LINE, SLICE, WINDOW = 6, 9, 12  # sums over a row, a slice and a whole window: differences and turns, three each
 GOAL_LINE = 6  # of displacements to goals, after the passes along z and y; after z, as many as of a slice
 
-ROWS_BEFORE = Open("ROWS_BEFORE: rows of a sum before those of the scan's own axis")
+ROWS_BEFORE: Any = Open("ROWS_BEFORE: rows of a sum before those of the scan's own axis")
 
 
 @row_routine

@@ -53,8 +53,8 @@ class GoalScan(NamedTuple):
     out: Rows
 
 
-PLANES = Open("PLANES: rows of a sum")
-KEEPS_ALL = Open("KEEPS_ALL: the scan's halves of all windows are stored")
+PLANES: Any = Open("PLANES: rows of a sum")
+KEEPS_ALL: Any = Open("KEEPS_ALL: the scan's halves of all windows are stored")
 term = Open("term(j, b, values) -> arguments of `add` of row j")
 add = Open("add(n, *term(j, b, values), row, pitch, x, reference, plane, sums): adds row j to sums")
 end = Open("end(n, i, b, reference, x, plane, sums, half, pitch, values): completes the window of row i")

@@ -66,11 +66,11 @@ class Grid(NamedTuple):
 
 
 # rows of a band's scratch (`scratch_places`)
-RING = Open("RING: rows of a ring; the first ones are positions")
-AT_CLUSTERS = Open("AT_CLUSTERS: first row of the ring of clusters")
-AT_SUMS = Open("AT_SUMS: first row of the sums of windows")
-AT_DISPLACEMENTS = Open("AT_DISPLACEMENTS: first row of the displacements")
-AT_KICK = Open("AT_KICK: first row of the accelerations")
+RING: Any = Open("RING: rows of a ring; the first ones are positions")
+AT_CLUSTERS: Any = Open("AT_CLUSTERS: first row of the ring of clusters")
+AT_SUMS: Any = Open("AT_SUMS: first row of the sums of windows")
+AT_DISPLACEMENTS: Any = Open("AT_DISPLACEMENTS: first row of the displacements")
+AT_KICK: Any = Open("AT_KICK: first row of the accelerations")
 
 
 def scratch_places(region: int) -> dict[str, int]:

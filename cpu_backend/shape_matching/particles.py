@@ -27,7 +27,7 @@ from softlab.model.tables.cloth import COLLIDER_KINDS
 BLOCK_32, BLOCK_64 = block_of(np.float32), block_of(np.float64)
 NO_STEP = np.int64(0)  # no force on bodies depends on it
 
-RATES = Open("RATES: a prediction writes velocities at the substep's end")
+RATES: Any = Open("RATES: a prediction writes velocities at the substep's end")
 particle_force = Open("particle_force(acceleration, k, weight, parameters, integers, step) -> acceleration")
 collide_mass = Open("collide_mass(bodies, kinds, step, parameters, before, position, velocity) -> (position, velocity)")
 collide_planes = Open("collide_planes(bodies, kinds, step, parameters, blocks, ax, ay, az, x, y, z, vx, vy, vz)")

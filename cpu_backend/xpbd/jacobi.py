@@ -36,7 +36,7 @@ PLANES = len(FAMILIES)  # of multipliers
 
 clear = Open("clear(scratch, triple, width)")
 edge = Open("edge(triple, axis, width) -> index of column -SPAN of a row of scratch")
-first_triples = Open("first_triples: number of the first triple of scratch rows of each family")
+first_triples: Any = Open("first_triples: number of the first triple of scratch rows of each family")
 gather_uneven = Open("gather_uneven(...): `gather_row` of masses with weights")
 vertical = Open("vertical(i, stores, source, turn, later, scratch, sheet): `lead` of this family; so are the others")
 falling, rising, horizontal = Open("falling(...)"), Open("rising(...)"), Open("horizontal(...)")

@@ -280,18 +280,18 @@ def integer_formula(function: F) -> F:
     return _marked(function, rounds_products=False)
 
 
-def routine(function: F) -> F:
+def routine(function: Callable) -> Any:
     """Mark a kernel, or a part of one that reads or writes arrays, as one that variants compile. Raises TypeError: it is
     not at the top level of a file."""
     return _marked(function, rounds_products=False)
 
 
-def row_routine(function: F) -> F:
+def row_routine(function: Callable) -> Any:
     """Mark a routine as a loop along rows: its arrays do not overlap, except for those that it only reads."""
     return _marked(function, rounds_products=False, how="row")
 
 
-def inlined_routine(function: F) -> F:
+def inlined_routine(function: Callable) -> Any:
     """Mark a routine as one whose arguments cost more to pass than its body, or lie in registers."""
     return _marked(function, rounds_products=False, how="inlined")
 

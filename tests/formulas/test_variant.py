@@ -451,6 +451,8 @@ def test_a_formula_is_inlined_with_all_that_it_calls() -> None:
         "ended inlined", "ended_and_halved inlined", "halved compiled", "halved inlined", "third compiled",
         "third inlined",
     ]  # fmt: skip
+
+
 def test_names_are_filled_in_what_fills_other_names() -> None:
     """Whether these are open in the formula itself or in what fills its names."""
     closed = filled(ended, {"end": third})
