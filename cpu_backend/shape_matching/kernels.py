@@ -9,6 +9,8 @@ result does not depend on the thread of a part, nor on the number of parts.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from softlab.cpu_backend.core.layout import row_at

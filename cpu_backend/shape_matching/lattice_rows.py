@@ -12,6 +12,8 @@ along the scan's own axis. ROWS_BEFORE: rows before those of the scan's own axis
 
 from __future__ import annotations
 
+from typing import Any
+
 from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.shape_matching.matching_rows import clear as clear_row
 from softlab.cpu_backend.shape_matching.matching_rows import copy as copy_row
