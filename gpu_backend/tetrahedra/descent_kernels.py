@@ -82,9 +82,10 @@ def strains_of(strains, count, t):
 
 @inlined_routine
 def store_strains(strains, count, t, strain):
-    strains[np.uint32(t)], strains[np.uint32(count + t)] = strain[0], strain[1]
-    strains[np.uint32(2 * count + t)], strains[np.uint32(3 * count + t)] = strain[2], strain[3]
-    strains[np.uint32(4 * count + t)], strains[np.uint32(5 * count + t)] = strain[4], strain[5]
+    a, b, c, d, e, f = strain
+    strains[np.uint32(t)], strains[np.uint32(count + t)] = a, b
+    strains[np.uint32(2 * count + t)], strains[np.uint32(3 * count + t)] = c, d
+    strains[np.uint32(4 * count + t)], strains[np.uint32(5 * count + t)] = e, f
 
 
 @routine

@@ -170,7 +170,8 @@ def move_mass(positions, old, before, multipliers, place):
     Each is compiled separately: in a loop, which the compiler does not unroll around so much code, multipliers would be
     in local memory.
     """
-    constants, bounds, state, origin, (rows, columns) = place
+    constants, bounds, state, origin, size = place
+    rows, columns = size
     pitch = np.int32(FEATURE.tile_pitch)
     item = np.int32(cuda.threadIdx.x + np.int32(FEATURE.slot * FEATURE.tile_threads))
     i, j = mass_place(item)

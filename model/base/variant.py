@@ -124,7 +124,7 @@ FEATURES = {  # what a variant may have and a formula may ask for
     "halo": "rings of masses around those that a tile owns",
     "halo_columns": "columns of a tile before those that its block writes",
     "halo_rows": "rows of a tile before those that its block writes",
-    "idle_triple": "number of the triple of scratch rows that nobody reads",
+    "idle_triple": "number of the triple of scratch rows that is not read",
     "implicit": "springs act at the end of a step",
     "jacobi": "all constraints act at one position, and the sum of their displacements moves a mass",
     "kinds": "there is more than one kind of bodies",
@@ -298,7 +298,7 @@ def inlined_routine(function: Callable) -> Any:
 
 def instruction(function: F) -> F:
     """Mark the plain equivalent of an instruction, for where nothing is compiled: routines call it as it is."""
-    function.is_instruction = True  # type: ignore[attr-defined]
+    function.__dict__["is_instruction"] = True
     return function
 
 
@@ -307,7 +307,7 @@ def _marked(function: F, rounds_products: bool, how: str = "") -> F:
         raise TypeError(
             f"{place(function)}: a formula is a `def` at the top level of a file, not {function.__qualname__}"
         )
-    function.rounds_products, function.how = rounds_products, how  # type: ignore[attr-defined]
+    function.__dict__.update(rounds_products=rounds_products, how=how)
     return function
 
 
