@@ -7,8 +7,6 @@ Positions are stored as planes, and again as quads behind them (after QUADS plan
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from softlab.cpu_backend.core.layout import row_at
@@ -29,9 +27,9 @@ from softlab.cpu_backend.fluid.rows import (
     vector_at,
 )
 from softlab.cpu_backend.fluid.walls import wall_rows
-from softlab.model.base.variant import FEATURE, Open, filled, routine
+from softlab.model.base.variant import FEATURE, filled, open_constant, routine
 
-constrains: Any = Open("True if `factors` also does the first `constrain`, which sums over the same neighbours")
+constrains = open_constant("True if `factors` also does the first `constrain`, which sums over the same neighbours")
 
 
 @routine

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from softlab.cpu_backend.contact.colliders import BOX, CAPSULE, FIELD, MESH, PLANE, SPHERE
@@ -18,7 +16,7 @@ from softlab.cpu_backend.fluid.walls import (
     from_plane,
     from_sphere,
 )
-from softlab.model.base.variant import FEATURE, Open, filled, routine
+from softlab.model.base.variant import FEATURE, filled, open_constant, routine
 from softlab.model.contact.cloth_parameters import (
     B_SPIN,
     B_THICKNESS,
@@ -34,7 +32,7 @@ from softlab.model.formulas.fluid.density import beyond, joined_density, rate, w
 from softlab.model.formulas.fluid.impact import after_impact, rebound, surface_velocity, wall_push, without
 from softlab.model.formulas.fluid.motion import drifted, limited_change, speed_of
 
-turns: Any = Open("True if colliders of the kind may turn")
+turns = open_constant("True if colliders of the kind may turn")
 
 
 @routine

@@ -9,14 +9,12 @@ result does not depend on the thread of a part, nor on the number of parts.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.shape_matching.motions import FRAME, frame_of, matrix_of_rotation, near_rotation, store_matrix
 from softlab.cpu_backend.shape_matching.shapes import AXES, ENTRIES, finish, prepare
-from softlab.model.base.variant import FEATURE, Open, filled, inlined_routine, routine, row_routine
+from softlab.model.base.variant import FEATURE, filled, inlined_routine, open_constant, routine, row_routine
 from softlab.model.formulas.rotation import rotation_3d_far
 from softlab.model.formulas.shape_matching.cluster import (
     LANES,
@@ -41,7 +39,7 @@ AT_NEW = AT_OLD + QUATERNION
 AT_MAPS = AT_NEW + QUATERNION + 1
 SCRATCH = AT_MAPS + ENTRIES
 
-GATHERS: Any = Open("GATHERS: the particles of a cluster are not in order")
+GATHERS = open_constant("GATHERS: the particles of a cluster are not in order")
 
 
 @routine

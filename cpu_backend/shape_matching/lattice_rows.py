@@ -12,19 +12,17 @@ along the scan's own axis. ROWS_BEFORE: rows before those of the scan's own axis
 
 from __future__ import annotations
 
-from typing import Any
-
 from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.shape_matching.matching_rows import clear as clear_row
 from softlab.cpu_backend.shape_matching.matching_rows import copy as copy_row
-from softlab.model.base.variant import Open, real, routine, row_routine
+from softlab.model.base.variant import open_constant, real, routine, row_routine
 from softlab.model.formulas.shape_matching.lattice import added_goal, added_turn, ended, part_of, part_of_row, shifted
 from softlab.model.formulas.shape_matching.lattice import lever as lever_of
 
 LINE, SLICE, WINDOW = 6, 9, 12  # sums over a row, a slice and a whole window: differences and turns, three each
 GOAL_LINE = 6  # of displacements to goals, after the passes along z and y; after z, as many as of a slice
 
-ROWS_BEFORE: Any = Open("ROWS_BEFORE: rows of a sum before those of the scan's own axis")
+ROWS_BEFORE = open_constant("ROWS_BEFORE: rows of a sum before those of the scan's own axis")
 
 
 @row_routine

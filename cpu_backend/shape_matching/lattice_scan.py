@@ -20,7 +20,7 @@ from softlab.cpu_backend.shape_matching.lattice_rows import (
     end_goals,
     end_moments,
 )
-from softlab.model.base.variant import Open, filled, inlined_routine, real, routine
+from softlab.model.base.variant import Open, filled, inlined_routine, open_constant, real, routine
 from softlab.model.formulas.shape_matching.lattice import lever
 
 
@@ -53,8 +53,8 @@ class GoalScan(NamedTuple):
     out: Rows
 
 
-PLANES: Any = Open("PLANES: rows of a sum")
-KEEPS_ALL: Any = Open("KEEPS_ALL: the scan's halves of all windows are stored")
+PLANES = open_constant("PLANES: rows of a sum")
+KEEPS_ALL = open_constant("KEEPS_ALL: the scan's halves of all windows are stored")
 term = Open("term(j, b, values) -> arguments of `add` of row j")
 add = Open("add(n, *term(j, b, values), row, pitch, x, reference, plane, sums): adds row j to sums")
 end = Open("end(n, i, b, reference, x, plane, sums, half, pitch, values): completes the window of row i")

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -38,7 +38,7 @@ from softlab.cpu_backend.shape_matching.matching_rows import (
 )
 from softlab.model.assets.lattice import T_CENTRE, T_INVERSE, T_WEIGHT
 from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, Open, features_of, filled, real, routine
+from softlab.model.base.variant import FEATURE, features_of, filled, open_constant, real, routine
 from softlab.model.core.own_forces import particle_forces
 from softlab.model.formulas.shape_matching.grid import rest_offset
 
@@ -66,11 +66,11 @@ class Grid(NamedTuple):
 
 
 # rows of a band's scratch (`scratch_places`)
-RING: Any = Open("RING: rows of a ring; the first ones are positions")
-AT_CLUSTERS: Any = Open("AT_CLUSTERS: first row of the ring of clusters")
-AT_SUMS: Any = Open("AT_SUMS: first row of the sums of windows")
-AT_DISPLACEMENTS: Any = Open("AT_DISPLACEMENTS: first row of the displacements")
-AT_KICK: Any = Open("AT_KICK: first row of the accelerations")
+RING = open_constant("RING: rows of a ring; the first ones are positions")
+AT_CLUSTERS = open_constant("AT_CLUSTERS: first row of the ring of clusters")
+AT_SUMS = open_constant("AT_SUMS: first row of the sums of windows")
+AT_DISPLACEMENTS = open_constant("AT_DISPLACEMENTS: first row of the displacements")
+AT_KICK = open_constant("AT_KICK: first row of the accelerations")
 
 
 def scratch_places(region: int) -> dict[str, int]:

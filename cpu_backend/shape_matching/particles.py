@@ -17,7 +17,7 @@ from softlab.cpu_backend.core.layout import block_of, row_at
 from softlab.cpu_backend.core.own_forces import make_particle_force
 from softlab.cpu_backend.shape_matching.kernels import AXES
 from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, Open, features_of, filled, routine, row_routine
+from softlab.model.base.variant import FEATURE, Open, features_of, filled, open_constant, routine, row_routine
 from softlab.model.formulas.distance import damping_factor, kicked, predicted
 from softlab.model.formulas.distance import rate as rate_of
 from softlab.model.formulas.shape_matching.cluster import LANES
@@ -27,7 +27,7 @@ from softlab.model.tables.cloth import COLLIDER_KINDS
 BLOCK_32, BLOCK_64 = block_of(np.float32), block_of(np.float64)
 NO_STEP = np.int64(0)  # no force on bodies depends on it
 
-RATES: Any = Open("RATES: a prediction writes velocities at the substep's end")
+RATES = open_constant("RATES: a prediction writes velocities at the substep's end")
 particle_force = Open("particle_force(acceleration, k, weight, parameters, integers, step) -> acceleration")
 collide_mass = Open("collide_mass(bodies, kinds, step, parameters, before, position, velocity) -> (position, velocity)")
 collide_planes = Open("collide_planes(bodies, kinds, step, parameters, blocks, ax, ay, az, x, y, z, vx, vy, vz)")

@@ -28,7 +28,7 @@ from softlab.cpu_backend.xpbd.rows import constants_of_even, constants_of_odd, f
 from softlab.cpu_backend.xpbd.stage_projections import change as change_of
 from softlab.cpu_backend.xpbd.walk import sheet_features
 from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, Open, filled, routine, row_routine
+from softlab.model.base.variant import FEATURE, Open, filled, open_constant, routine, row_routine
 from softlab.model.formulas.distance import averaged, gathered, scaled
 from softlab.model.position_based.plan import FAMILIES, families
 
@@ -36,7 +36,7 @@ PLANES = len(FAMILIES)  # of multipliers
 
 clear = Open("clear(scratch, triple, width)")
 edge = Open("edge(triple, axis, width) -> index of column -SPAN of a row of scratch")
-first_triples: Any = Open("first_triples: number of the first triple of scratch rows of each family")
+first_triples = open_constant("first_triples: number of the first triple of scratch rows of each family")
 gather_uneven = Open("gather_uneven(...): `gather_row` of masses with weights")
 vertical = Open("vertical(i, stores, source, turn, later, scratch, sheet): `lead` of this family; so are the others")
 falling, rising, horizontal = Open("falling(...)"), Open("rising(...)"), Open("horizontal(...)")

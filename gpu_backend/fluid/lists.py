@@ -11,7 +11,7 @@ fast math.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numba import cuda
@@ -19,7 +19,7 @@ from numba import cuda
 from softlab.gpu_backend.core.device import simulated
 from softlab.gpu_backend.core.quads import load_quad
 from softlab.gpu_backend.fluid.sort_kernels import DEPTH, HEIGHT, WIDTH, WRAPS
-from softlab.model.base.variant import FEATURE, Open, inlined_routine
+from softlab.model.base.variant import FEATURE, Open, inlined_routine, open_constant
 from softlab.model.formulas.fluid.density import squared, within, wrapped
 
 WORD = 32  # candidates per word of bits
@@ -29,7 +29,7 @@ LANES = 128  # threads per block at most: each has a column of slots
 WORDS = SLOTS * LANES  # of a block
 ALL_BITS = np.uint32(0xFFFFFFFF)
 
-begun: Any = Open("the sums without any neighbour")
+begun = open_constant("the sums without any neighbour")
 visit = Open("visit(sums, k, p, j, position, fluids, parameters): the sums with neighbour j")
 
 

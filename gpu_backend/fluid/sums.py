@@ -14,7 +14,7 @@ import numpy as np
 from softlab.gpu_backend.core.device import DeviceArray
 from softlab.gpu_backend.core.quads import load_quad
 from softlab.gpu_backend.fluid.lists import offset
-from softlab.model.base.variant import FEATURE, Open, filled, inlined_routine
+from softlab.model.base.variant import FEATURE, Open, filled, inlined_routine, open_constant
 from softlab.model.fluid.parameters import F_WEIGHT, FLUID_FIELDS
 from softlab.model.formulas.fluid.density import (
     apart,
@@ -31,7 +31,7 @@ from softlab.model.formulas.fluid.density import (
     wall_added,
 )
 
-begun: Any = Open("the sums without any neighbour")
+begun = open_constant("the sums without any neighbour")
 added = Open("added(sums, k, p, j, q, fluids, parameters): the sums with neighbour j at q")
 
 

@@ -326,6 +326,11 @@ class Open:
         raise TypeError(f"call a formula made by filled(...): {self.signature} is open")
 
 
+def open_constant(description: str) -> Any:
+    """Return an open name of a number, or of a tuple of them."""
+    return Open(description)
+
+
 class Filled:
     """A formula with formulas in the place of its open names."""
 
