@@ -7,6 +7,7 @@ the equations alone.
 import gc
 import os
 import sys
+import time
 
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")  # before numba: spinning idle threads starve a small machine
 os.environ.setdefault("SOFTLAB_COMMIT", "0123456789ab")  # so that what measures does so from changed files, too
@@ -26,6 +27,8 @@ from softlab.cpu_backend.core.threads import core_count  # before numba: it asks
 
 MAX_WORKERS = 8  # each may take a gigabyte
 DEAR = ("test_cuda_simulator.py", "test_compiled.py")  # files that workers begin with and share
+LAST = {"app", "assets", "bench", "cluster", "command", "panel", "plots"}  # folders: physics comes before them
+BEGUN = time.monotonic()
 
 
 @pytest.fixture(params=["cpu", pytest.param("gpu", marks=pytest.mark.gpu)])
@@ -128,6 +131,9 @@ def listed(table: dict[str, str], item: pytest.Item) -> bool:
 
 @pytest.hookimpl(tryfirst=True)  # before the fixtures of modules and sessions, which run kernels too
 def pytest_runtest_setup(item: pytest.Item) -> None:
+    minutes = item.config.getoption("--minutes")
+    if minutes and time.monotonic() - BEGUN > 60 * minutes:
+        pytest.skip(f"--minutes {minutes:g} are over")
     plain = item.stash[in_plain_python]
     os.environ["SOFTLAB_PLAIN_PYTHON"] = str(int(plain))  # for the first import, and for processes that tests start
     os.environ["SOFTLAB_PLAIN_PYTHON_SECONDS"] = str(PLAIN_SECONDS)
@@ -175,18 +181,19 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         action="store_true",
         help="of --thorough what does not run without it, in variants that show every pair of parameter values",
     )
+    parser.addoption("--minutes", type=float, help="skip the tests that would begin later than this (default: none)")
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """The dearest first. Without --thorough leave out what ONLY_THOROUGH and OVER_A_SECOND list, windows, and what THINNED
-    does not need, but nothing that is for a real GPU. With it the variants that THINNED does not need, and OVER_A_SECOND's
-    that are not COMPILED, run as plain Python. --rest runs as many of what is left out as together with what is not show
-    every pair of values of a test's parameters."""
+    """The dearest first, with --rest physics before tools. Without --thorough leave out what ONLY_THOROUGH and
+    OVER_A_SECOND list, windows, and what THINNED does not need, but nothing that is for a real GPU. With it the variants
+    that THINNED does not need, and OVER_A_SECOND's that are not COMPILED, run as plain Python. --rest runs as many of what
+    is left out as together with what is not show every pair of values of a test's parameters."""
     rest = config.getoption("--rest")
     thorough = config.getoption("--thorough") or rest
     # the simulator's grids are so small that the CPU's kernels take longer to compile than to run as Python
     simulated = os.environ.get("NUMBA_ENABLE_CUDASIM") == "1"
-    items.sort(key=lambda item: item.path.name not in DEAR)
+    items.sort(key=lambda item: (item.path.name not in DEAR, rest and item.nodeid.split("/")[1] in LAST))
     left_out, slow = set(), set()
     dear = set()  # of those left out, what is compiled when it runs
     variants: dict[Any, list[Any]] = {}
