@@ -51,7 +51,10 @@ LISTINGS = {
     "cpu-row": Listing(
         "cpu_backend/mass_spring/grid/rows.py",
         "sum_row",
-        (("for j in range(blocks * block)", "above_y[j] = below_y"),),
+        (
+            ("for j in range(blocks * BLOCK)", "if FEATURE.springs"),
+            ("right_x, right_y = spring_acceleration_2d", "above_y[j] = below_y"),
+        ),
     ),
     "cpu-taken": Listing(
         "cpu_backend/mass_spring/grid/persistent.py",
