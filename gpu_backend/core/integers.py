@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 
 from softlab.gpu_backend.core.formulas import device_variant
-from softlab.model.base.variant import FEATURE, features_of, inlined_routine
+from softlab.model.base.variant import FEATURE, inlined_routine
 from softlab.model.core.own_forces import EXTERNAL_SEED, particle_forces_change
 from softlab.model.scene.scene import Scene
 from softlab.model.tables.cloth import COLLIDER_KINDS
@@ -46,11 +46,6 @@ def clock(counter, place, substeps, substep):
         step = counter[0] + place
         return step, step * substeps + substep
     return np.int64(0), np.int64(0)
-
-
-def time_features(parts: frozenset[str]) -> dict[str, bool]:
-    """Return the features of kernels that call `clock`."""
-    return features_of(parts) | {"timed": knows_time(parts)}
 
 
 @cache

@@ -29,26 +29,6 @@ def _before(one, rest, compiled):
     return several
 
 
-def each_of(count, item, compiled=plain):
-    """Make every(a, b, c, k, arguments): calls item(n)(a, b, c, k, arguments[n]) for n = 0 ... count - 1."""
-    every = None
-    for n in range(count - 1, -1, -1):
-        every = _calls(n, item(n), every, compiled)
-    return every
-
-
-def _calls(n, one, rest, compiled):
-    more = rest is not None
-
-    @compiled
-    def every(a, b, c, k, arguments):
-        one(a, b, c, k, arguments[n])
-        if more:
-            rest(a, b, c, k, arguments)
-
-    return every
-
-
 def reader(fields, compiled=plain, prefix=""):
     """Make read(record) -> the record's values of these fields as a named tuple; `prefix` precedes their names in the
     record.

@@ -446,18 +446,14 @@ class Variant:
     def copied(self, formula: Any) -> FunctionType:
         """Return a new copy of a formula or routine in this variant, not compiled; what it calls is."""
         function, names = (formula.function, formula.names) if isinstance(formula, Filled) else (formula, {})
-        known = vars(builtins) | function.__globals__
+        known = vars(builtins) | function.__globals__ | names
         rounded = self.product is not None and function.rounds_products
         code, used, constants = specialised(function, self.features, rounded)
-        if undefined := sorted(used - known.keys() - names.keys() - constants.keys() - {PRODUCT}):
+        if undefined := sorted(used - known.keys() - constants.keys() - {PRODUCT}):
             raise NameError(
                 f"{place(function)}: the formula {function.__name__} uses {undefined[0]}, which is not defined"
             )
-        space = {
-            name: self._within(_filled_inside(known[name], names), function)
-            for name in used & (known.keys() - names.keys())
-        }
-        space |= {name: self._within(_filled_inside(names[name], names), function) for name in used & names.keys()}
+        space = {name: self._within(_filled_inside(known[name], names), function) for name in used & known.keys()}
         space |= {name: self.real(value) for name, value in constants.items()}
         space |= {"__name__": function.__module__, "__builtins__": builtins, PRODUCT: self.product}
         exec(code, space)
