@@ -17,6 +17,7 @@ from softlab.model.formulas.elastic.damper import block as damped_block
 from softlab.model.formulas.elastic.damper import scaled as damper_moduli
 from softlab.model.formulas.elastic.deformation import corners as at_corners
 from softlab.model.formulas.elastic.deformation import gradient, rotation
+from softlab.model.formulas.elastic.descent import added
 from softlab.model.formulas.elastic.newton import doubt
 from softlab.model.formulas.elastic.solving import scaled, times, weighted
 from softlab.model.formulas.elastic.tangent import block, frame, moduli, seen_in, stress
@@ -53,14 +54,6 @@ def load_six(array, first, step):
 @inlined_routine
 def transposed(m):
     return m[0], m[3], m[6], m[1], m[4], m[7], m[2], m[5], m[8]
-
-
-@inlined_routine
-def added(a, b):
-    return (
-        a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3], a[4] + b[4], a[5] + b[5], a[6] + b[6], a[7] + b[7],
-        a[8] + b[8],
-    )  # fmt: skip
 
 
 @inlined_routine

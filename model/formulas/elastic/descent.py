@@ -30,7 +30,7 @@ from softlab.model.base.variant import FEATURE, formula
 from softlab.model.formulas.constraints.tetrahedron import COROTATED, HOOKEAN
 from softlab.model.formulas.elastic import damper, deformation
 from softlab.model.formulas.elastic import energy as energies
-from softlab.model.formulas.elastic.damper import block, resisted, scaled, squared, strain, stressed
+from softlab.model.formulas.elastic.damper import block, resisted, scaled, squared, strain, stressed, symmetric
 from softlab.model.formulas.elastic.deformation import gradient
 from softlab.model.formulas.elastic.energy import stress
 from softlab.model.formulas.lengths import dot
@@ -129,12 +129,6 @@ def row(values, corner):
 def times(g, x, y, z):
     """Matrix, by rows, times a vector."""
     return dot(g[0], g[1], g[2], x, y, z), dot(g[3], g[4], g[5], x, y, z), dot(g[6], g[7], g[8], x, y, z)
-
-
-@formula
-def symmetric(t, x, y, z):
-    """Symmetric matrix of six numbers times a vector."""
-    return dot(t[0], t[3], t[4], x, y, z), dot(t[3], t[1], t[5], x, y, z), dot(t[4], t[5], t[2], x, y, z)
 
 
 @formula
