@@ -14,7 +14,7 @@ from numba import prange
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.progress import assigned
 from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, real, routine
+from softlab.model.base.variant import FEATURE, inlined_routine, real, routine
 from softlab.model.contact.self_contact_parameters import MAX_CONTACTS, SPAN
 from softlab.model.formulas.contact import (
     away,
@@ -74,7 +74,7 @@ def copy(source, target, triangles, corners, values):
         values[target, value] = values[source, value]
 
 
-@routine
+@inlined_routine
 def make_place(place, first, last, contacts):
     """Move the contacts of a mass from `place` on by one; the last of MAX_CONTACTS is lost."""
     triangles, corners, values = contacts
@@ -82,7 +82,7 @@ def make_place(place, first, last, contacts):
         copy(slot - 1, slot, triangles, corners, values)
 
 
-@routine
+@inlined_routine
 def store(place, triangle, vertices, at, n, enforced, contacts):
     """Write a contact with a triangle of three `vertices`, without V_INSIDE. `at`: (b, c, distance)."""
     triangles, corners, values = contacts
