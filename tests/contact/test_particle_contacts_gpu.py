@@ -48,7 +48,7 @@ def test_neighbours_are_those_of_asking_all() -> None:
             position[3], position[5], position[25, 1] = position[-1], np.nan, np.inf
             expected = neighbours(scene, position, weight, real)
             contacts.find(on_device(position, weight, real))
-            found = contacts.neighbours.pair_lists.copy_to_host()
+            found = contacts.neighbours.neighbour_counts.copy_to_host()
             table = contacts.neighbours.table.copy_to_host().reshape(MAX_NEIGHBOURS, particles)
             assert np.array_equal(found, [len(others) for others in expected])
             for i, others in enumerate(expected):
@@ -75,7 +75,7 @@ def test_fast_math_is_near_exact() -> None:
         contacts = ParticleContacts(scene, np.float32, math, 0)
         contacts.find(now)
         contacts.project(was, now)
-        found.append((contacts.neighbours.pair_lists.copy_to_host(), now.copy_to_host().reshape(-1, 4)[:, :3]))
+        found.append((contacts.neighbours.neighbour_counts.copy_to_host(), now.copy_to_host().reshape(-1, 4)[:, :3]))
     assert np.array_equal(found[0][0], found[1][0])
     assert abs(found[1][1] - predicted).max() > 0.005
     np.testing.assert_allclose(found[0][1], found[1][1], rtol=0, atol=2 * MAX_NEIGHBOURS * 10 * 2.0**-22)
