@@ -363,7 +363,7 @@ def filled(function: Any, names: dict[str, Any]) -> Any:
 
 def inlined_throughout(function: Any) -> Any:
     """Return a formula that is inlined with all that it calls: what is vectorised has no calls."""
-    return Inlined(function, {})
+    return Inlined(function.function, function.names) if isinstance(function, Filled) else Inlined(function, {})
 
 
 @cache

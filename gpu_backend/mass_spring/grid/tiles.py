@@ -23,7 +23,7 @@ from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.pairs import load_pair, store_pair
 from softlab.gpu_backend.core.tiling import Tile, blocks_together
 from softlab.gpu_backend.core.world import Cell
-from softlab.gpu_backend.mass_spring.grid.point import current_step, moves_of
+from softlab.gpu_backend.mass_spring.grid.point import current_step, grid_features, moves_of
 from softlab.gpu_backend.mass_spring.grid.strips import (
     ON_TILES,
     StripState,
@@ -36,7 +36,6 @@ from softlab.gpu_backend.mass_spring.grid.strips import (
 from softlab.gpu_backend.mass_spring.tile_bits import bits_between, tile_features
 from softlab.model.base.tuples import reader
 from softlab.model.base.variant import FEATURE, Open, Variant, filled, inlined_routine, real, routine
-from softlab.model.mass_spring.plan import sheet_features
 
 constants = Open("constants(parameters): the record's values, read once")
 opening = Open("opening: as `middle`, of velocity Verlet's first pass")
@@ -159,8 +158,8 @@ def on_tiles(
     whole: bool = False,
 ) -> tuple[Variant, Any]:  # fmt: skip
     """Return the variant of a kernel on tiles, and the kernel with what its open names stand for."""
-    features = {**sheet_features(integrator, parts), **tile_features(tile), "cut": cut, "whole": whole}
-    moves = moves_of(real, math, integrator, parts)
+    features = {**grid_features(integrator, parts), **tile_features(tile), "cut": cut, "whole": whole}
+    moves = moves_of(integrator, parts)
     runs = {name: filled(run_steps, {"move": move}) for name, move in moves.items() if name != "step"}
     names = runs or {"middle": filled(run_steps, {"move": moves["step"]})}
     names |= {"constants": reader(ON_TILES, inlined(math)), "pair_dtype": pair_type(real)}
