@@ -31,7 +31,8 @@ RATES = open_constant("RATES: a prediction writes velocities at the substep's en
 def body_features(parts: frozenset[str]) -> dict[str, Any]:
     """Return the features of kernels of bodies with `parts`. Every particle has its weight."""
     return features_of(parts | {"load"}) | {
-        "axes": AXES, "colliders": bool(parts & set(COLLIDER_KINDS)), "calmed": bool(parts & PACES)
+        "axes": AXES, "colliders": bool(parts & set(COLLIDER_KINDS)), "calmed": bool(parts & PACES),
+        "pairs": False,
     }  # fmt: skip
 
 

@@ -24,11 +24,11 @@ from softlab.cpu_backend.xpbd.layout import (
     P_SCRATCH_WIDTH,
     P_STRIDE,
 )
-from softlab.cpu_backend.xpbd.rows import constants_of_even, constants_of_odd, family_constants, family_features
+from softlab.cpu_backend.xpbd.rows import constants_of_even, constants_of_odd, family_features
 from softlab.cpu_backend.xpbd.stage_projections import change as change_of
 from softlab.cpu_backend.xpbd.walk import sheet_features
 from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, Open, filled, open_constant, routine, row_routine
+from softlab.model.base.variant import FEATURE, Open, open_constant, routine, row_routine
 from softlab.model.formulas.distance import averaged, gathered, scaled
 from softlab.model.position_based.plan import FAMILIES, families
 
@@ -207,8 +207,7 @@ def iteration_of(compiler: Compiler, real: Real, axes: int, parts: frozenset[str
         if family.kind in parts:
             features = family_features(parts, axes, family, several)
             features |= {"first_triple": at[family.name], "idle_triple": at["idle"]}
-            constants = family_constants(compiler, parts, family)
-            names[name] = compiler.variant_of(real, features)(filled(lead, constants))
+            names[name] = compiler.variant_of(real, features)(lead)
     features = sheet_features(parts, axes, 1) | {"uneven": bool(parts & {"pins", "load"})}
     return names | {
         "gather_uneven": compiler.variant_of(real, features)(gather_row),

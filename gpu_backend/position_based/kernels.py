@@ -22,14 +22,12 @@ from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
 from softlab.gpu_backend.core.sheet import BLOCK, lattice_place
 from softlab.gpu_backend.core.wind import block_air
 from softlab.gpu_backend.core.world import Cell, World
-from softlab.gpu_backend.position_based.constraints import compliant, family_features, make_constants, pair
+from softlab.gpu_backend.position_based.constraints import compliant, constants_of, family_features, pair
 from softlab.gpu_backend.position_based.gather import TWO, arrive, displacement, displacement_of, valence_of, weight_of
 from softlab.gpu_backend.position_based.point import accelerate, tether_mass
 from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, Open, features_of, filled, routine
+from softlab.model.base.variant import FEATURE, features_of, filled, routine
 from softlab.model.position_based.plan import Family, families
-
-constants_of = Open("constants_of(parameters) -> the constants of each kind of constraints")
 
 
 def compact_shape(family: Family, rows: int, columns: int) -> tuple[int, int]:
@@ -112,10 +110,9 @@ def make_colour(
     real: Real, math: str, parts: frozenset[str], family: Family, colour: int | np.int32, axes: int
 ) -> Kernel:
     """Compile `project` for a colour of a family."""
-    kernel = filled(project, {"constants_of": make_constants(math)})
     variant = device_variant(real, math, family_features(parts, family, int(colour), axes))
     name = f"{family.name}_{colour}_{variant_name(real, math, axes, parts)}"
-    return kernels_of(variant, math, [kernel], f"xpbd_{name}".replace("-", "_")).project
+    return kernels_of(variant, math, [project], f"xpbd_{name}".replace("-", "_")).project
 
 
 @routine
@@ -140,9 +137,7 @@ def project_all(position, before, target, multipliers, fresh, record, rows, colu
 @cache
 def make_jacobi(real: Real, math: str, parts: frozenset[str], axes: int) -> Kernel:
     """Compile `project_all`."""
-    kernel = filled(project_all, {
-        "displacement": displacement_of(real, math, parts, axes), "constants_of": make_constants(math),
-    })  # fmt: skip
+    kernel = filled(project_all, {"displacement": displacement_of(real, math, parts, axes)})
     variant = device_variant(real, math, features_of(parts) | {"axes": axes, "multipliers": multiplier_planes(parts)})
     return kernels_of(variant, math, [kernel], f"xpbd_{variant_name(real, math, axes, parts)}").project_all
 

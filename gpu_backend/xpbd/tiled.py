@@ -22,8 +22,8 @@ from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.integers import clock
 from softlab.gpu_backend.core.wind import block_air
 from softlab.gpu_backend.core.world import World
-from softlab.gpu_backend.position_based.constraints import dampers, make_constants
-from softlab.gpu_backend.position_based.kernels import constants_of, multiplier_planes
+from softlab.gpu_backend.position_based.constraints import constants_of, dampers
+from softlab.gpu_backend.position_based.kernels import multiplier_planes
 from softlab.gpu_backend.xpbd.sweep import copies, sweep_masses, sweeps, tile_features
 from softlab.gpu_backend.xpbd.tile import SheetTile
 from softlab.gpu_backend.xpbd.tile_ends import (
@@ -152,7 +152,7 @@ def _compiled(kernel: Callable, real: Real, math: str, parts: frozenset[str], ax
     }  # fmt: skip
     names: dict[str, Any] = {
         **multiplier_moves(real, math, parts, axes, tile),
-        "iterate": filled(iterate, sweeps(real, math, parts, axes, tile)), "constants_of": make_constants(math),
+        "iterate": filled(iterate, sweeps(real, math, parts, axes, tile)),
         "scalar": np.dtype(real) if simulated() else real,
     }  # fmt: skip
     copy = device_variant(real, math, features).copied(with_forces(filled(kernel, names), parts))

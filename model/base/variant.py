@@ -20,7 +20,8 @@ Line numbers are those of the file, so that tracebacks and debuggers show it. An
 float64 in numba: formulas with one are refused (`2.0 * x`, not `2 * x`), as are `float(x)` and `np.float64(x)`. Integer
 arithmetic is an `integer_formula`, whose products stay as they are.
 
-`for n in unrolled(3)` and `tuple(f(n) for n in unrolled(3))` are written out, so that n may be an index of a tuple.
+`for n in unrolled(3)` and `tuple(f(n) for n in unrolled(3))` are written out, so that n may be an index of a tuple;
+`NAMES[n]` of a module's tuple of strings is the string, so that it may name a field of a record.
 
 A kernel, and what it calls that reads or writes arrays, is a `routine`: it stands in its module and is compiled in the
 same variants, with its products as they are. `copied` is the copy of a kernel, which a backend compiles its own way.
@@ -592,6 +593,15 @@ def _definitions(file: str) -> dict[str, tuple[int, str]]:
     return {node.name: (node.lineno, "\n".join(lines[node.lineno - 1 : node.end_lineno])) for node in functions}
 
 
+def _unpacked(items: list[ast.expr]) -> list[ast.expr]:
+    """Return expressions with the elements of those that are tuples behind a star."""
+    unpacked: list[ast.expr] = []
+    for item in items:
+        inner = item.value if isinstance(item, ast.Starred) else None
+        unpacked += inner.elts if isinstance(inner, ast.Tuple) else [item]
+    return unpacked
+
+
 class _Specialise(ast.NodeTransformer):
     """Puts the constants of a variant into a formula."""
 
@@ -635,16 +645,14 @@ class _Specialise(ast.NodeTransformer):
             if numbers is not None:
                 items = [self.visit(self._numbered(node.args[0].elt, loop.target, n)) for n in numbers]
                 return ast.copy_location(ast.Tuple(items, ast.Load()), node)
-        return self.generic_visit(node)
+        self.generic_visit(node)
+        node.args = _unpacked(node.args)
+        return node
 
     def visit_Tuple(self, node: ast.Tuple) -> ast.AST:
         """A tuple that is written out in a tuple is part of it: numba cannot unpack an empty one."""
         self.generic_visit(node)
-        items: list[ast.expr] = []
-        for item in node.elts:
-            inner = item.value if isinstance(item, ast.Starred) else None
-            items += inner.elts if isinstance(inner, ast.Tuple) else [item]
-        node.elts = items
+        node.elts = _unpacked(node.elts)
         return node
 
     def _numbers(self, loop: ast.expr) -> range | None:
@@ -665,7 +673,17 @@ class _Specialise(ast.NodeTransformer):
         self.has_floats = self.rounded = False  # the index is an integer
         node.slice = self.visit(node.slice)
         self.has_floats, self.rounded = rules
-        return node
+        entry = self._entry(node)
+        return ast.copy_location(ast.Constant(entry), node) if isinstance(entry, str) else node
+
+    def _entry(self, node: ast.expr) -> Any:
+        """Return an entry of a constant table of the module at constant places, or None."""
+        if isinstance(node, ast.Name):
+            return self.known.get(node.id)
+        if isinstance(node, ast.Subscript) and isinstance(node.slice, ast.Constant):
+            table, place = self._entry(node.value), node.slice.value
+            return table[place] if type(table) is tuple and type(place) is int else None
+        return None
 
     def visit_Constant(self, node: ast.Constant) -> ast.AST:
         if type(node.value) is not float:

@@ -373,6 +373,27 @@ def test_parts_of_a_scene_are_features_under_their_names() -> None:
     assert features.keys() == OF_PARTS.keys() | {"per_constraint"} and "timed" not in features
 
 
+FIELDS, HALVES = (("left", "right"), ("low", "high")), 2
+
+
+@routine
+def fields_of(record):
+    return pair_of(*tuple(record[FIELDS[FEATURE.number][n]] for n in unrolled(HALVES)))
+
+
+@routine
+def pair_of(first, second):
+    return second, first
+
+
+def test_a_table_of_names_gives_the_fields_of_a_record() -> None:
+    """The compiled copy names them, as numba needs it."""
+    record = {"left": 1.0, "right": 2.0, "low": 3.0, "high": 4.0}
+    for number, expected in enumerate([(2.0, 1.0), (4.0, 3.0)]):
+        copied = Variant(np.float64, plain, {"number": number}).copied(fields_of)
+        assert copied(record) == expected and "FIELDS" not in copied.__code__.co_names
+
+
 @formula
 def of_the_last_axis(values, k):
     return 2.0 * values[2 * k + FEATURE.axes - 1]

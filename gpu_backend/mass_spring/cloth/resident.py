@@ -18,6 +18,7 @@ through the second-level cache, about 600 cycles or 0.35 us.
 
 from __future__ import annotations
 
+from collections import namedtuple
 from functools import cache
 from typing import Any
 
@@ -25,7 +26,7 @@ import numpy as np
 from numba import cuda
 
 from softlab.gpu_backend.core.blocks import PATIENCE, raise_flag, read_flag
-from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
+from softlab.gpu_backend.core.compile import kernel_options, make_kernel, variant_name
 from softlab.gpu_backend.core.device import ALIGNMENT, simulated
 from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.messages import pause, receive, send
@@ -49,15 +50,20 @@ from softlab.gpu_backend.mass_spring.cloth.tiles import (
     write,
 )
 from softlab.gpu_backend.mass_spring.tile_bits import bits_between
-from softlab.model.base.tuples import reader
-from softlab.model.base.variant import FEATURE, Open, filled, inlined_routine, real, routine
+from softlab.model.base.variant import FEATURE, Open, filled, inlined_routine, real, routine, unrolled
 from softlab.model.contact.cloth_parameters import CLOTH_PARAMETERS
 
 # Cycles between a block's own sending and its first check of others' messages. All blocks send at about the same time,
 # and a check that comes a little too soon costs another memory access, about 600 cycles.
 FIRST_CHECK = 0
-constants = Open("constants(parameters): the record's values, read once")
+Values, NUMBERS = namedtuple("Values", CLOTH_PARAMETERS), len(CLOTH_PARAMETERS)
 scalar = Open("scalar: type of a number, in the form for shared arrays")
+
+
+@inlined_routine
+def values_of(parameters):
+    """Return the record's values. A loop keeps those in registers, and would read the record again after each barrier."""
+    return Values(*tuple(parameters[CLOTH_PARAMETERS[n]] for n in unrolled(NUMBERS)))
 
 
 @inlined_routine
@@ -129,7 +135,7 @@ def cloth_resident(
     if j >= column_first and j < column_end:
         owned_rows = bits_between(row_first, row_end, i)
     border = border_bits(owned_rows, i, j, extent, rows, columns)
-    values, where = constants(parameters), sides(Cell(i, j, rows, columns))
+    values, where = values_of(parameters), sides(Cell(i, j, rows, columns))
     world = World(values, bodies, integers)
     first = current_step(counter, np.int64(0))
     clear(shared, thread)
@@ -182,7 +188,7 @@ def make_cloth_resident(real: Any, math: str, integrator: str, parts: frozenset[
     """
     kicks = kicks_of(integrator)
     names = {
-        **strip_functions(tile.strip, parts), "constants": reader(CLOTH_PARAMETERS, inlined(math)),
+        **strip_functions(tile.strip, parts),
         "kick": kicks.get("middle", kicks.get("step")), "publish": send_mass,
         "scalar": np.dtype(real) if simulated() else real,
     }  # fmt: skip
