@@ -257,6 +257,6 @@ def make_descent_advance(
         prepared = filled(prepare_material, {"number": place, "prepare_others": prepared, **first})
         visit = variant(filled(descend_some, names))
         swept = filled(sweep_material, {"number": place, "sweep_others": swept, "descend_material": visit})
-    variant = compiler.variant_of(real, kernel_features(parts) | mesh_features(parts) | {"damped": damped})
+    variant = compiler.variant_of(real, mesh_features(parts) | kernel_features(parts | {"load"}) | {"damped": damped})
     kernel = with_forces(filled(advance, {"prepare": prepared, "sweep": swept}), parts)
     return compiler.team(variant.copied(kernel))

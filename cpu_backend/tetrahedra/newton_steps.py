@@ -268,4 +268,6 @@ def make_newton_advance(real: Real, math: str, parts: frozenset[str]) -> Callabl
     compiler = Compiler(cloth_variant("newton", real, math, parts), math)
     touch = compiler.variant_of(real, mesh_features(parts - {FRICTION_IN_PLACE}))(collide_mass)
     kernel = with_forces(filled(advance, {"touch": touch}), parts)
-    return compiler.team(compiler.variant_of(real, kernel_features(parts) | mesh_features(parts)).copied(kernel))
+    return compiler.team(
+        compiler.variant_of(real, mesh_features(parts) | kernel_features(parts | {"load"})).copied(kernel)
+    )

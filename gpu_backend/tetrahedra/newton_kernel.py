@@ -225,7 +225,7 @@ def make_newton(real: Real, math: str, parts: frozenset[str]) -> Kernel:
         # always decided in exact math: the energy of a distant trial may be NaN, which fast math treats as a number
         "after": device_variant(real, "exact")(newton.after),
     }  # fmt: skip
-    features = kernel_features(parts) | particle_features(parts) | {"fast": math != "exact"}
+    features = particle_features(parts) | kernel_features(parts) | {"fast": math != "exact"}
     kernel = device_variant(real, math, features).copied(with_forces(filled(newton_steps, names), parts))
     label = f"newton_{variant_name(real, math, parts)}"
     return make_kernel(kernel, label, launch_bounds=(THREADS, 1), **kernel_options(math))
