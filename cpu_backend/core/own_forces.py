@@ -59,7 +59,7 @@ def gravity(acceleration, record):
             acceleration[1, i, j] += record[0].gravity
 
 
-def with_forces(kernel: Any, parts: frozenset[str]) -> Any:
+def with_forces(kernel: Callable, parts: frozenset[str]) -> Any:
     """Return a kernel whose `particle_force` is the sum of the forces on single particles in `parts`."""
     return filled(kernel, {"particle_force": accelerated(parts)})
 

@@ -194,7 +194,7 @@ def mesh_features(parts: frozenset[str]) -> dict[str, Any]:
     return features_of(parts | {"load"}) | {"axes": AXES, "colliders": bool(parts & set(COLLIDER_KINDS))}
 
 
-def of_scene(compiler: Compiler, kernel: Any, real: Real, parts: frozenset[str]) -> Any:
+def of_scene(compiler: Compiler, kernel: Callable, real: Real, parts: frozenset[str]) -> Any:
     """Return a kernel with the forces and colliders of a scene; those within iterations leave velocities to the end."""
     position_only = compiler.variant_of(real, mesh_features(parts - {"restitution"}))(collide_mass)
     return with_forces(filled(kernel, {"collide_position": position_only}), parts)

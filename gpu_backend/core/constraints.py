@@ -190,7 +190,7 @@ def make_projections(real: Real, math: str, projection: Projection) -> Kernel:
     return make_kernel(kernel, f"{projection.name}_{variant_name(real, math)}", **kernel_options(math))
 
 
-def with_projection(kernel: Any, math: str, projection: Projection) -> Any:
+def with_projection(kernel: Callable, math: str, projection: Projection) -> Any:
     """Return a kernel that calls `fetch` and `take` with what is open in them."""
 
     def row(numbers: int) -> Callable:

@@ -6,6 +6,7 @@ over its own, if the scene has a `load`.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from typing import Any
 
@@ -68,7 +69,7 @@ def force(position, record, integers, step, a):
         store_quad(a, k, ax, ay, az, 0.0)
 
 
-def with_forces(kernel: Any, parts: frozenset[str]) -> Any:
+def with_forces(kernel: Callable, parts: frozenset[str]) -> Any:
     """Return a kernel whose `particle_force` is the sum of the forces on single particles in `parts`."""
     return filled(kernel, {"particle_force": inlined_throughout(accelerated(parts))})
 

@@ -212,7 +212,7 @@ def rest(numbers, sorted_number, neighbour_counts):
 @cache
 def make_flow_kernels(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Compile all kernels of emitters and sinks."""
-    emission, variant = (due, rank, totals, emit, arrive), fluid_variant(real, math, parts, threads=THREADS)
+    emission, variant = (due, rank, totals, emit, arrive), fluid_variant(real, math, parts, more={"threads": THREADS})
     emits = kernels_of(variant, math, emission, f"fluid_{variant_name(real, math, parts)}")
     ends = kernels_of(device_variant(real, "exact"), "exact", (take, rest), f"fluid_{variant_name(real)}")
     return SimpleNamespace(**vars(emits), **vars(ends))

@@ -202,7 +202,7 @@ def make_density_kernels(
     found; `relaxed`: factors, multipliers, constraints, gradients; `world`: bodies, integers, counter, place, substeps,
     substep.
     """
-    variant = fluid_variant(real, math, parts, repeats, neighbours=neighbours)
+    variant = fluid_variant(real, math, parts, repeats, {"neighbours": neighbours})
     label = f"fluid_{variant_name(real, math, parts, repeats)}"
     searching = kernels_of(variant, math, (find, prepare), label)
     walking = map(variant.copied, (factors, density, correct))

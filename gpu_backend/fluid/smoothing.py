@@ -152,5 +152,5 @@ def make_smoothing(
     lengths. `smooth(position, velocity, record, table, found, constraints, fluids, normals, curls, into)`: velocities
     after all effects of neighbours; with `limits` also the limit.
     """
-    variant = fluid_variant(real, math, parts, repeats, limits=limits)
+    variant = fluid_variant(real, math, parts, repeats, {"limits": limits})
     return kernels_of(variant, math, (shape, smooth), f"fluid_{variant_name(real, math, parts, repeats)}")

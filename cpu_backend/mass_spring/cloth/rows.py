@@ -219,7 +219,7 @@ def pulls_of(parts: frozenset[str], pulls: Any = pulls) -> dict[str, Any]:
     return kinds
 
 
-def of_scene(kernel: Any, integrator: str, parts: frozenset[str]) -> Any:
+def of_scene(kernel: Callable, integrator: str, parts: frozenset[str]) -> Any:
     """Return a kernel with the springs and forces of a scene and the formula of an integrator."""
     return with_forces(filled(kernel, {**pulls_of(parts), "one_force": step_formula(integrator)}), parts)
 

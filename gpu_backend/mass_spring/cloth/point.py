@@ -8,6 +8,7 @@ the edges. Kernels are compiled for the parts of a scene: an absent part leaves 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -165,7 +166,7 @@ def pulls_of(parts: frozenset[str], system: str = "") -> dict[str, Any]:
     return pulls
 
 
-def of_scene(kernel: Any, integrator: str, parts: frozenset[str]) -> Any:
+def of_scene(kernel: Callable, integrator: str, parts: frozenset[str]) -> Any:
     """Return a kernel with the springs and forces of a scene and the formula of an integrator."""
     return with_forces(filled(kernel, {**pulls_of(parts), "one_force": step_formula(integrator)}), parts)
 

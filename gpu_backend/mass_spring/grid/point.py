@@ -141,7 +141,7 @@ def middle_mass(k, ax, ay, p, v, parameters, integers, step):
     return px, py, vx, vy
 
 
-def of_scene(kernel: Any, integrator: str, parts: frozenset[str]) -> Any:
+def of_scene(kernel: Callable, integrator: str, parts: frozenset[str]) -> Any:
     """Return a kernel with the forces of a scene and the formula of an integrator."""
     return with_forces(filled(kernel, {"one_force": step_formula(integrator)}), parts)
 
