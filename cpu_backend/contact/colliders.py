@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from types import SimpleNamespace
-
 import numpy as np
 
-from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import block_of, row_at
-from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, Open, features_of, filled, routine, row_routine
+from softlab.model.base.variant import FEATURE, Open, filled, routine, row_routine
 from softlab.model.contact.cloth_parameters import (
     B_DYNAMIC,
     B_RADIUS,
@@ -265,32 +260,3 @@ def collide_row(bodies, kinds, step, parameters, blocks, source, here, plane_siz
         row_at(target, there + 2 * target_plane), row_at(target, there + 3 * target_plane),
         row_at(target, there + 4 * target_plane), row_at(target, there + 5 * target_plane),
     )  # fmt: skip
-
-
-# ---------------------------------------------------------------------- for kernels that are still made by factories
-
-
-def make_push(compiler: Compiler, real: Real, parts: frozenset[str]) -> SimpleNamespace:
-    """Make `point`, `response` and `push`."""
-    variant = compiler.variant_of(real, features_of(parts))
-    return SimpleNamespace(point=variant(point), response=variant(response), push=variant(push))
-
-
-def make_instants(compiler: Compiler, real: Real, parts: frozenset[str]) -> Callable:
-    function: Callable = compiler.variant_of(real, features_of(parts))(instants)
-    return function
-
-
-def make_collide_mass(compiler: Compiler, real: Real, parts: frozenset[str]) -> Callable:
-    function: Callable = compiler.variant_of(real, features_of(parts))(collide_mass)
-    return function
-
-
-def make_collide_planes(compiler: Compiler, real: Real, parts: frozenset[str]) -> Callable:
-    function: Callable = compiler.variant_of(real, features_of(parts))(collide_planes)
-    return function
-
-
-def make_collide_row(compiler: Compiler, real: Real, parts: frozenset[str]) -> Callable:
-    function: Callable = compiler.variant_of(real, features_of(parts))(collide_row)
-    return function

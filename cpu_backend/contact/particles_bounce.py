@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from types import SimpleNamespace
 
 import numpy as np
 
@@ -150,20 +149,9 @@ def bounce_all(team, member, bands, position, velocity, weights, arrays):
         put(band, count, velocity, arrays)
 
 
-def make_passes(compiler: Compiler, real: Real, scaled: bool, has_rigid: bool = False) -> SimpleNamespace:
-    """Make `count_contacts`, `push` and `put`."""
-    variant = compiler.variant_of(real, {"scaled_impulses": scaled, "rigid_bounce": has_rigid})
-    return SimpleNamespace(count_contacts=variant(count_contacts), push=variant(push), put=variant(put))
-
-
-@cache
-def make_bounce(real: Real, math: str) -> Callable:
-    """Make `bounce_all`."""
-    function: Callable = Compiler(f"particles_bounce_{np.dtype(real).name}_{math}", math).variant_of(real)(bounce_all)
-    return function
-
-
 @cache
 def make_bounce_stage(real: Real, math: str) -> Callable:
     """Compile bounce(bands, position, velocity, weights, arrays): see `bounce_all`."""
-    return Compiler(f"particles_{np.dtype(real).name}_{math}", math).team(make_bounce(real, math))
+    compiler = Compiler(f"particles_{np.dtype(real).name}_{math}", math)
+    features = {"rigid_bounce": False, "scaled_impulses": False}
+    return compiler.team(compiler.variant_of(real, features)(bounce_all))

@@ -172,13 +172,7 @@ def find_all(team, member, bands, position, weights, rows, arrays):
 
 
 @cache
-def make_find(real: Real, math: str) -> Callable:
-    """Make `find_all`."""
-    function: Callable = Compiler(f"particles_find_{np.dtype(real).name}_{math}", math).variant_of(real)(find_all)
-    return function
-
-
-@cache
 def make_find_stage(real: Real, math: str) -> Callable:
     """Compile find(bands, position, weights, rows, arrays): see `find_all`."""
-    return Compiler(f"particles_{np.dtype(real).name}_{math}", math).team(make_find(real, math))
+    compiler = Compiler(f"particles_{np.dtype(real).name}_{math}", math)
+    return compiler.team(compiler.variant_of(real)(find_all))

@@ -211,33 +211,17 @@ def settle(band, bands, count, before, position, record, travel):
 
 
 @cache
-def make_project(
-    real: Real, math: str, has_friction: bool, has_adhesion: bool, has_rigid: bool, has_couples: bool = False
-) -> Callable:
-    """Make `project_all`."""
-    words = "_friction" * has_friction + "_adhesion" * has_adhesion + "_rigid" * has_rigid + "_couples" * has_couples
-    features = {
-        "contact_friction": has_friction, "contact_adhesion": has_adhesion, "rigid_motion": has_rigid,
-        "couples": has_couples,
-    }  # fmt: skip
-    compiler = Compiler(f"particles_project_{np.dtype(real).name}_{math}{words}", math)
-    function: Callable = compiler.variant_of(real, features)(project_all)
-    return function
-
-
-@cache
 def make_project_stage(
     real: Real, math: str, has_friction: bool, has_adhesion: bool, has_rigid: bool, has_couples: bool = False
 ) -> Callable:
     """Compile project(bands, before, position, weights, arrays, travel, couples): see `project_all`."""
     name = f"particles_{np.dtype(real).name}_{math}{'_friction' * has_friction}{'_adhesion' * has_adhesion}"
-    return Compiler(name, math).team(make_project(real, math, has_friction, has_adhesion, has_rigid, has_couples))
-
-
-def make_clear(compiler: Compiler) -> Callable:
-    """Make `clear_some`."""
-    function: Callable = compiler.variant_of(np.float64)(clear_some)
-    return function
+    features = {
+        "contact_friction": has_friction, "contact_adhesion": has_adhesion, "rigid_motion": has_rigid,
+        "couples": has_couples,
+    }  # fmt: skip
+    compiler = Compiler(name, math)
+    return compiler.team(compiler.variant_of(real, features)(project_all))
 
 
 @cache
@@ -245,12 +229,6 @@ def make_clear_stage(real: Real, math: str) -> Callable:
     """Compile clear(bands, lists, contacts): all particles, in parallel."""
     compiler = Compiler(f"particles_clear_{np.dtype(real).name}_{math}", math)
     return compiler.banded(compiler.variant_of(real).copied(clear))
-
-
-def make_settle(compiler: Compiler, real: Real, parts: frozenset[str]) -> Callable:
-    """Make `settle_some`."""
-    function: Callable = compiler.variant_of(real, features_of(parts))(settle_some)
-    return function
 
 
 @cache

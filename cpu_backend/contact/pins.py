@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
-from softlab.cpu_backend.core.compile import Compiler
-from softlab.model.base.types import Real
 from softlab.model.base.variant import routine
 from softlab.model.contact.cloth_parameters import (
     M_DURATION,
@@ -65,13 +61,3 @@ def drive(first, last, number, position, velocity, parameters, bodies, driven):
             x, y, z, vx, vy, vz = follow(bodies, pin, time)
             position[k, 0], position[k, 1], position[k, 2] = x, y, z
             velocity[k, 0], velocity[k, 1], velocity[k, 2] = vx, vy, vz
-
-
-def make_follow(compiler: Compiler, real: Real) -> Callable:
-    function: Callable = compiler.variant_of(real)(follow)
-    return function
-
-
-def make_drive(compiler: Compiler, real: Real) -> Callable:
-    function: Callable = compiler.variant_of(real)(drive)
-    return function

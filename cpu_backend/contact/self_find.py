@@ -297,7 +297,7 @@ def find_contacts(
 def make_find(real: Real, math: str) -> SimpleNamespace:
     """Compile `hash_cells` and `find_contacts`; the arrays are those of cpu_backend/contact/self_contact.py."""
     compiler = Compiler(f"{np.dtype(real).name}_{math}", math)
-    variant = compiler.variant_of(real)
+    variant = compiler.variant_of(real, {"closed": False})
     return SimpleNamespace(
         hash_cells=compiler.team(variant.copied(hash_cells)),
         find_contacts=compiler.kernel(variant.copied(find_contacts)),

@@ -132,21 +132,12 @@ def stage(band, bands, colour, position, weights, before, constraints, fresh, pa
     project(first, last, position, weights, before, corners, values, multipliers, fresh, parameters)
 
 
-def make_rows(compiler: Compiler) -> dict[str, bool]:
-    """Return the features of particles stored as rows x, y, z, weight."""
-    return {}
-
-
-def make_planes(compiler: Compiler) -> dict[str, bool]:
-    """Return the features of particles stored in planes."""
-    return {"planes": True}
-
-
-def make_projections(compiler: Compiler, real: Real, projection: Projection, particles: dict[str, bool]) -> Callable:
-    """Compile `project_run`; `particles`: make_rows or make_planes."""
+def make_projections(compiler: Compiler, real: Real, projection: Projection, in_planes: bool) -> Callable:
+    """Compile `project_run` for particles in planes or in rows."""
     # inlined: a call would pass dozens of numbers through memory
-    one = compiler.inlined(compiler.formulas(projection.formulas, real, dict(projection.flags)).project.py_func)
-    return compiler.variant_of(real, projection.features | particles)(filled(project_run, {"project_one": one}))
+    variant = compiler.variant_of(real, projection.features | {"planes": in_planes})
+    one = compiler.inlined(variant.copied(projection.formulas.project))
+    return variant(filled(project_run, {"project_one": one}))
 
 
 def make_colours(compiler: Compiler, projects: Sequence[Any], runs: Sequence[int]) -> Any:
@@ -168,7 +159,7 @@ def make_constraint_stage(real: Real, math: str, projection: Projection, in_plan
     """Compile stage(bands, colour, position, weights, before, constraints, fresh, parameters): a parallel loop over one
     colour."""
     compiler = Compiler(f"{projection.name}_{np.dtype(real).name}_{math}", math)
-    run = make_projections(compiler, real, projection, {"planes": in_planes})
+    run = make_projections(compiler, real, projection, in_planes)
     variant = compiler.variant_of(real, {"run": projection.run})
     return compiler.banded(variant.copied(filled(stage, {"project": run})))
 
@@ -180,6 +171,6 @@ def make_sweep_stage(real: Real, math: str, projections: tuple[Projection, ...])
     Particles are rows; `sets`: those of the `projections`, at least one.
     """
     compiler = Compiler(f"sweep_{np.dtype(real).name}_{math}", math)
-    projects = [make_projections(compiler, real, projection, {}) for projection in projections]
+    projects = [make_projections(compiler, real, projection, False) for projection in projections]
     sweep = make_colours(compiler, projects, [projection.run for projection in projections])
     return compiler.team(sweep)

@@ -15,7 +15,7 @@ from softlab.model.base.variant import FEATURE, Open, filled, routine, row_routi
 from softlab.model.core.own_forces import WINDOW, OwnForce, accelerated, force_flags, particle_forces
 from softlab.model.core.plan import Moment, StageRun
 
-particle_force = Open("particle_force(a, k, weight, parameters, integers, step): accelerated(parts)")
+particle_force = Open("particle_force(a, k, weight, parameters, integers, step): of `with_forces`")
 
 
 @row_routine
@@ -59,15 +59,9 @@ def gravity(acceleration, record):
             acceleration[1, i, j] += record[0].gravity
 
 
-def make_particle_force(compiler: Compiler, real: Real, axes: int, parts: frozenset[str]) -> Any:
-    """Compile own(a, k, weight, parameters, integers, step) (model/core/own_forces.py)."""
-    return compiler.variant_of(real, force_flags(axes, parts))(accelerated(parts))
-
-
-def make_particle_force_row(compiler: Compiler, real: Real, axes: int, parts: frozenset[str]) -> Callable:
-    """Compile `add_2d` or `add_3d`."""
-    add_row = filled(add_2d if axes == 2 else add_3d, {"particle_force": accelerated(parts)})
-    return compiler.variant_of(real, force_flags(axes, parts))(add_row)
+def with_forces(kernel: Callable, parts: frozenset[str]) -> Any:
+    """Return a kernel whose `particle_force` is the sum of the forces on single particles in `parts`."""
+    return filled(kernel, {"particle_force": accelerated(parts)})
 
 
 @cache
@@ -76,7 +70,7 @@ def _make_stage(real: Real, math: str, axes: int, force: OwnForce, has_load: boo
     compiler = Compiler(f"{force.part}_{axes}d_{np.dtype(real).name}_{math}", math)
     parts = window | {force.part} | ({"load"} if has_load else set())
     variant = compiler.variant_of(real, force_flags(axes, parts))
-    return compiler.kernel(variant.copied(filled(stage, {"particle_force": accelerated(parts)})))
+    return compiler.kernel(variant.copied(with_forces(stage, parts)))
 
 
 @cache

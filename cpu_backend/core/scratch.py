@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-
 import numpy as np
 
-from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import BLOCK, block_of
 from softlab.model.base.types import Real
 from softlab.model.base.variant import routine
@@ -74,11 +71,3 @@ def clear_column(scratch, triple, column, width):
 def clear_triple(scratch, triple, width):
     for k in range(AXES * triple * width, AXES * (triple + 1) * width):
         scratch[k] = 0.0
-
-
-def make_scratch(compiler: Compiler, real: Real) -> SimpleNamespace:
-    """Compile `row_start`, `row_edge`, `clear_column` and `clear_triple`, as `place`, `edge`, `forget` and `clear`."""
-    variant = compiler.variant_of(real)
-    return SimpleNamespace(
-        place=variant(row_start), edge=variant(row_edge), forget=variant(clear_column), clear=variant(clear_triple)
-    )

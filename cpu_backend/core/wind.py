@@ -8,7 +8,6 @@ sheet.
 from __future__ import annotations
 
 from collections.abc import Callable
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -167,37 +166,11 @@ def wind(state, record, integers, step, offset, acceleration):
             az[i, j] += push_z
 
 
-def make_air(compiler: Compiler, real: Real, parts: frozenset[str]) -> Callable:
-    """Compile `air_now`."""
-    return compiler.variant_of(real, features_of(parts))(air_now)
-
-
-def make_triangle(compiler: Compiler, real: Real) -> Callable:
-    """Compile `wind_on_triangle`."""
-    return compiler.variant_of(real)(wind_on_triangle)
-
-
 def wind_features(parts: frozenset[str], at: dict[str, int]) -> dict[str, Any]:
     """Return the features of `wind_cells` and `add_wind`; `at`: of triples_of."""
     return features_of(parts) | {
         "at_first": at.get("first", 0), "at_second": at.get("second", 0), "at_close": at["close"]
     }  # fmt: skip
-
-
-def make_winds(
-    compiler: Compiler,
-    real: Real,
-    parts: frozenset[str],
-    place: Any,
-    edge: Callable,
-    forget: Callable,
-    clear: Callable,
-    at: dict[str, int],
-) -> SimpleNamespace:
-    """Compile `air_now`, `wind_cells` and `add_wind`. `place` to `clear` are not used: the routines call those of
-    scratch.py."""
-    variant = compiler.variant_of(real, wind_features(parts, at))
-    return SimpleNamespace(air_now=variant(air_now), wind_cells=variant(wind_cells), add_wind=variant(add_wind))
 
 
 def make_wind_stage(compiler: Compiler, real: Real, parts: frozenset[str]) -> Callable:

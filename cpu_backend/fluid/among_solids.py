@@ -14,7 +14,6 @@ import numpy as np
 from softlab.cpu_backend.core.layout import aligned_zeros
 from softlab.cpu_backend.fluid.arrays import Carriers, SamplePoints, SolidPoints, Solids
 from softlab.cpu_backend.fluid.kernels import fluid_compiler, fluid_variant
-from softlab.cpu_backend.fluid.others import functions_of_others
 from softlab.cpu_backend.fluid.quads import LANES
 from softlab.cpu_backend.fluid.solid_phases import (
     SUMS,
@@ -28,7 +27,6 @@ from softlab.cpu_backend.fluid.solid_phases import (
 )
 from softlab.cpu_backend.fluid.solver import Fluid
 from softlab.model.base.types import Real
-from softlab.model.base.variant import filled
 from softlab.model.core.plan import Moment, StageRun
 from softlab.model.core.simulation import Options
 from softlab.model.fluid.among_solids import KINDS, kinds_of
@@ -40,9 +38,9 @@ from softlab.model.scene.scene import Scene
 def make_solid_stages(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Compile the phases that involve solids, each as a parallel loop (bands, ...)."""
     compiler = fluid_compiler("fluid_solids", real, math, parts)
-    variant, names = fluid_variant(compiler, real, parts - {"averaged"}), functions_of_others(compiler, real, parts)
+    variant = fluid_variant(compiler, real, parts - {"averaged"})
     phases = sample, gather, follow, push, factors, constrain, correct
-    return SimpleNamespace(**{phase.__name__: compiler.banded(variant(filled(phase, names))) for phase in phases})
+    return SimpleNamespace(**{phase.__name__: compiler.banded(variant(phase)) for phase in phases})
 
 
 class SolidPlaces(Protocol):

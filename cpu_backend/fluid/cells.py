@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from softlab.cpu_backend.fluid.others import particle_force, touch
+from softlab.cpu_backend.contact.colliders import collide_mass
+from softlab.cpu_backend.core.own_forces import particle_force
 from softlab.cpu_backend.fluid.quads import QUAD, QUADS
 from softlab.model.base.variant import FEATURE, routine
 from softlab.model.fluid.parameters import F_BUOYANCY, F_SPEED, FLUID_FIELDS
@@ -59,7 +60,7 @@ def predict_particles(
             s = wrapped_offset(z, parameters.low_z, parameters.high_z, parameters.side_z)
             z, az = z + s, az + s
         if FEATURE.colliders:
-            (x, y, z), _ = touch(bodies, kinds, substep, parameters, (ax, ay, az), (x, y, z), (u, v, w))
+            (x, y, z), _ = collide_mass(bodies, kinds, substep, parameters, (ax, ay, az), (x, y, z), (u, v, w))
         predicted_velocity[k], predicted_velocity[capacity + k], predicted_velocity[2 * capacity + k] = u, v, w
         before[k], before[capacity + k], before[2 * capacity + k] = ax, ay, az
         place[k], place[capacity + k], place[2 * capacity + k] = x, y, z

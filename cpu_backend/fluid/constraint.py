@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from softlab.cpu_backend.contact.colliders import collide_row, instants
 from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.fluid.arrays import Around, Sides
 from softlab.cpu_backend.fluid.lists import AROUND, RUNS, find_neighbours
-from softlab.cpu_backend.fluid.others import collide, instants
 from softlab.cpu_backend.fluid.pairs import corrections, densities, gradients
 from softlab.cpu_backend.fluid.phases import cells_in
 from softlab.cpu_backend.fluid.quads import LANES, QUAD, QUADS
@@ -149,7 +149,7 @@ def correct(part, shared, number, place, there, world, parameters, fluids, bodie
             *vector_at(place, capacity, base), *sums,
         )  # fmt: skip
         if FEATURE.colliders:
-            collide(bodies, kinds, number, parameters, blocks, before, base, capacity, ax, np.int64(0), LANES)
+            collide_row(bodies, kinds, number, parameters, blocks, before, base, capacity, ax, np.int64(0), LANES)
         quads = row_at(there, QUADS * capacity + QUAD * base)
         for lane in range(LANES):
             there[base + lane], there[capacity + base + lane] = ax[lane], ay[lane]

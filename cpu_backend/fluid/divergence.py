@@ -11,12 +11,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from softlab.cpu_backend.contact.colliders import collide_mass, instants
 from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.fluid.cells import row_of
 from softlab.cpu_backend.fluid.constraint import sides_of
 from softlab.cpu_backend.fluid.divergence_pairs import approaches
 from softlab.cpu_backend.fluid.impact import settled
-from softlab.cpu_backend.fluid.others import instants, touch
 from softlab.cpu_backend.fluid.pairs import corrections, densities
 from softlab.cpu_backend.fluid.quads import LANES, QUAD, QUADS
 from softlab.cpu_backend.fluid.rows import numbers_of, sums_of, vector_at
@@ -222,7 +222,7 @@ def move(part, shared, number, world, parameters, fluids, bodies, kinds):
             u, v, w = settled(
                 bodies, kinds, number, parameters, bx, by, bz, u, v, w, mx, my, mz, second[i], fluids[row + F_WEIGHT]
             )  # fmt: skip
-            (x, y, z), (u, v, w) = touch(bodies, kinds, number, parameters, (bx, by, bz), (x, y, z), (u, v, w))
+            (x, y, z), (u, v, w) = collide_mass(bodies, kinds, number, parameters, (bx, by, bz), (x, y, z), (u, v, w))
             speed = speed_of(u, v, w)
             u, v, w = slowed(u, speed, fastest), slowed(v, speed, fastest), slowed(w, speed, fastest)
         position[i], position[capacity + i], position[2 * capacity + i] = x, y, z

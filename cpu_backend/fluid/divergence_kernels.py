@@ -8,16 +8,16 @@ from functools import cache
 from types import SimpleNamespace
 from typing import Any
 
+from softlab.cpu_backend.core.own_forces import with_forces
 from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.fluid.constraint import find
 from softlab.cpu_backend.fluid.divergence import foresee, move, push, relax, survey, take_up
 from softlab.cpu_backend.fluid.divergence_pairs import accelerate, gather
 from softlab.cpu_backend.fluid.kernels import fluid_compiler, fluid_variant, sort
-from softlab.cpu_backend.fluid.others import functions_of_others
 from softlab.cpu_backend.fluid.phases import enter, put, tally
 from softlab.cpu_backend.fluid.velocities import shape
 from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, filled, routine
+from softlab.model.base.variant import FEATURE, routine
 from softlab.model.core.plan import Moment, StageRun
 from softlab.model.fluid.divergence_plan import SECOND
 
@@ -67,21 +67,20 @@ def make_advance_freely(real: Real, math: str, parts: frozenset[str]) -> Callabl
     It runs many steps in one call.
     """
     compiler = fluid_compiler("fluid_free", real, math, parts)
-    kernel = filled(advance, functions_of_others(compiler, real, parts))
-    return compiler.team(fluid_variant(compiler, real, parts).copied(kernel))
+    return compiler.team(fluid_variant(compiler, real, parts).copied(with_forces(advance, parts)))
 
 
 @cache
 def make_free_stages(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Compile each phase as a parallel loop (bands, ...); `sort` runs three phases by a team."""
     compiler = fluid_compiler("fluid_free_stages", real, math, parts)
-    variant, names = fluid_variant(compiler, real, parts), functions_of_others(compiler, real, parts)
+    variant = fluid_variant(compiler, real, parts)
     loops = {"find": find} | {
         each.__name__: each for each in (gather, survey, foresee, relax, push, take_up, shape, accelerate, move)
     }
     return SimpleNamespace(
         sort=compiler.team(variant.copied(sort)),
-        **{name: compiler.banded(variant(filled(loop, names))) for name, loop in loops.items()},
+        **{name: compiler.banded(variant(with_forces(loop, parts))) for name, loop in loops.items()},
     )
 
 

@@ -6,10 +6,10 @@ from __future__ import annotations
 import numpy as np
 
 from softlab.cpu_backend.core.layout import row_at
+from softlab.cpu_backend.core.own_forces import particle_force
 from softlab.cpu_backend.fluid.cells import AXES, BOX, LARGEST, row_of
 from softlab.cpu_backend.fluid.constraint import sides_of
 from softlab.cpu_backend.fluid.lists import wrap
-from softlab.cpu_backend.fluid.others import particle_force
 from softlab.cpu_backend.fluid.quads import LANES
 from softlab.cpu_backend.fluid.smoothing import smooth
 from softlab.model.base.variant import FEATURE, routine, row_routine

@@ -4,9 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from softlab.cpu_backend.contact.colliders import BOX, CAPSULE, FIELD, MESH, PLANE, SPHERE
+from softlab.cpu_backend.contact.colliders import (
+    BOX,
+    CAPSULE,
+    FIELD,
+    MESH,
+    PLANE,
+    SPHERE,
+    collide_mass,
+    instants,
+    point,
+)
 from softlab.cpu_backend.core.layout import row_at
-from softlab.cpu_backend.fluid.others import instants, point, touch
 from softlab.cpu_backend.fluid.walls import (
     away,
     from_box,
@@ -41,7 +50,7 @@ def impact_of(bodies, kinds, number, parameters, bx, by, bz, ux, uy, uz, px, py,
     and its velocity at p, which is v if no collider was in its way (model/formulas/fluid/impact.py)."""
     h, rate = parameters.dt, parameters.inverse_dt
     x, y, z = drifted(bx, ux, h), drifted(by, uy, h), drifted(bz, uz, h)
-    (qx, qy, qz), (ux, uy, uz) = touch(bodies, kinds, number, parameters, (bx, by, bz), (x, y, z), (ux, uy, uz))
+    (qx, qy, qz), (ux, uy, uz) = collide_mass(bodies, kinds, number, parameters, (bx, by, bz), (x, y, z), (ux, uy, uz))
     if qx != x or qy != y or qz != z:
         vx, vy = after_impact(ux, px, qx, rate), after_impact(uy, py, qy, rate)
         vz = after_impact(uz, pz, qz, rate)

@@ -9,15 +9,15 @@ from types import SimpleNamespace
 import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.own_forces import with_forces
 from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.fluid.constraint import constrain, correct, find, prepare
 from softlab.cpu_backend.fluid.flow import drain, emit, emit_particles, rest, there_of
 from softlab.cpu_backend.fluid.flow import sort as sort_active
-from softlab.cpu_backend.fluid.others import functions_of_others
 from softlab.cpu_backend.fluid.phases import cells_in, enter, predict, put, tally
 from softlab.cpu_backend.fluid.velocities import finish, shape, update
 from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, Variant, filled, routine
+from softlab.model.base.variant import FEATURE, Variant, routine
 from softlab.model.fluid.parameters import MAX_NEIGHBOURS
 from softlab.model.fluid.plan import FLOWS, fluid_features
 
@@ -101,8 +101,7 @@ def make_advance(real: Real, math: str, parts: frozenset[str]) -> Callable:
     cpu_backend/fluid/flow.py, if the scene has emitters or sinks.
     """
     compiler = fluid_compiler("fluid", real, math, parts)
-    kernel = filled(advance, functions_of_others(compiler, real, parts))
-    return compiler.team(fluid_variant(compiler, real, parts).copied(kernel))
+    return compiler.team(fluid_variant(compiler, real, parts).copied(with_forces(advance, parts)))
 
 
 @cache
@@ -110,11 +109,11 @@ def make_stages(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace
     """Compile each phase as a parallel loop (bands, ...). `sort` runs its phases by a team, and with emitters or sinks
     `emit` too."""
     compiler = fluid_compiler("fluid_stages", real, math, parts)
-    variant, names = fluid_variant(compiler, real, parts), functions_of_others(compiler, real, parts)
+    variant = fluid_variant(compiler, real, parts)
     loops = {"predict": predict, "find": find, "constrain": constrain, "correct": correct, "update": update}
     loops |= {"shape": shape, "finish": finish}
     teams = {"sort": sort_active, "emit": emit} if parts & FLOWS else {"sort": sort}
     return SimpleNamespace(
-        **{name: compiler.banded(variant(filled(loop, names))) for name, loop in loops.items()},
+        **{name: compiler.banded(variant(with_forces(loop, parts))) for name, loop in loops.items()},
         **{name: compiler.team(variant.copied(team)) for name, team in teams.items()},
     )

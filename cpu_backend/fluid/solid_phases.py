@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from softlab.cpu_backend.contact.colliders import collide_mass, instants
 from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.fluid.cells import AXES, BOX, LARGEST, row_of
-from softlab.cpu_backend.fluid.others import instants, touch
 from softlab.cpu_backend.fluid.quads import LANES
 from softlab.cpu_backend.fluid.rows import factor_rows, relax_rows, vector_at
 from softlab.cpu_backend.fluid.solid_pairs import corrections, densities, frictions, gradients
@@ -230,7 +230,7 @@ def correct(part, shared, number, place, there, world, coupling, scratch, parame
                 px, py, pz = moved(px, weight, cx), moved(py, weight, cy), moved(pz, weight, cz)
                 if FEATURE.colliders:
                     a = before[i], before[capacity + i], before[2 * capacity + i]
-                    (px, py, pz), _ = touch(
+                    (px, py, pz), _ = collide_mass(
                         bodies, kinds_of, number, parameters, a, (px, py, pz), (0.0, 0.0, 0.0)
                     )  # fmt: skip
             there[i], there[capacity + i], there[2 * capacity + i] = px, py, pz

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from softlab.cpu_backend.contact.colliders import collide_row
 from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.fluid.cells import AXES, row_of
 from softlab.cpu_backend.fluid.constraint import sides_of
 from softlab.cpu_backend.fluid.impact import impact_of, settled
-from softlab.cpu_backend.fluid.others import collide
 from softlab.cpu_backend.fluid.quads import LANES
 from softlab.cpu_backend.fluid.rows import DOUBLE_BLOCKS, SINGLE_BLOCKS, sums_of, vector_at
 from softlab.cpu_backend.fluid.smoothing import shapes, smooth
@@ -70,7 +70,7 @@ def update(part, shared, number, place, world, parameters, fluids, bodies, kinds
         )  # fmt: skip
         if FEATURE.colliders:
             at_walls(base, number, world, parameters, fluids, bodies, kinds, *sums)
-            collide(bodies, kinds, number, parameters, blocks, before, base, capacity, x, np.int64(0), LANES)
+            collide_row(bodies, kinds, number, parameters, blocks, before, base, capacity, x, np.int64(0), LANES)
         for lane in range(LANES):
             i = base + lane
             place[i], place[capacity + i], place[2 * capacity + i] = x[lane], y[lane], z[lane]

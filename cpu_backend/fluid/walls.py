@@ -5,9 +5,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from softlab.cpu_backend.contact.colliders import BOX, CAPSULE, FIELD, MESH, PLANE, SPHERE
+from softlab.cpu_backend.contact.colliders import BOX, CAPSULE, FIELD, MESH, PLANE, SPHERE, point
 from softlab.cpu_backend.core.layout import row_at
-from softlab.cpu_backend.fluid.others import point
 from softlab.cpu_backend.fluid.quads import LANES
 from softlab.model.base.variant import FEATURE, Open, filled, routine, row_routine
 from softlab.model.contact.cloth_parameters import (

@@ -13,14 +13,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from softlab.cpu_backend.contact.colliders import make_collide_mass
-from softlab.cpu_backend.contact.pins import make_drive
+from softlab.cpu_backend.contact.colliders import collide_mass
+from softlab.cpu_backend.contact.pins import drive
 from softlab.cpu_backend.core.compile import Compiler
-from softlab.cpu_backend.core.constraints import make_colours, make_projections, make_rows
-from softlab.cpu_backend.core.own_forces import make_particle_force
+from softlab.cpu_backend.core.constraints import make_colours, make_projections
+from softlab.cpu_backend.core.own_forces import particle_force, with_forces
 from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.core.scratch import cloth_variant
-from softlab.cpu_backend.core.wind import make_air, make_triangle
+from softlab.cpu_backend.core.wind import air_now, wind_on_triangle
 from softlab.model.base.types import Real
 from softlab.model.base.variant import FEATURE, Open, features_of, filled, routine
 from softlab.model.formulas.distance import added, damping_factor, kicked, predicted, rate, slowed
@@ -45,15 +45,8 @@ class World(NamedTuple):
     driven: np.ndarray
 
 
-air_now = Open("air_now(parameters, integers, substep, offset) -> the air's velocity [m/s]")
-collide_mass = Open(
-    "collide_mass(bodies, kinds, substep, parameters, before, position, velocity) -> position, velocity"
-)
 collide_position = Open("collide_position(...): as collide_mass, without restitution")
-drive = Open("drive(first, last, number, position, velocity, parameters, bodies, driven): move pins")
-particle_force = Open("particle_force(a, k, weight, parameters, integers, step) -> a [m/s^2]")
 sweep = Open("sweep(team, member, bands, position, weights, before, sets, fresh, parameters): project all constraints")
-triangle = Open("triangle(a, b, c, va, vb, vc, air, drag, lift) -> wind over mass of a corner [m/s^2]")
 
 
 @routine
@@ -71,7 +64,7 @@ def wind_of(k, air, before, velocity, parameters, wind_lists):
     x, y, z = 0.0, 0.0, 0.0
     for n in range(offsets[k], offsets[k + 1]):
         a, b, c = corners[at_vertex[n], 0], corners[at_vertex[n], 1], corners[at_vertex[n], 2]
-        fx, fy, fz = triangle(
+        fx, fy, fz = wind_on_triangle(
             row(before, a), row(before, b), row(before, c), row(velocity, a), row(velocity, b), row(velocity, c), air,
             parameters.drag, parameters.lift,
         )  # fmt: skip
@@ -104,14 +97,6 @@ def begin(first, last, step, substep, before, velocity, position, parameters, in
         position[k, 2] = predicted(before[k, 2], h, kicked(velocity[k, 2], factor, h, az))
 
 
-def make_begin(compiler: Compiler, real: Real, parts: frozenset[str]) -> Callable:
-    """Compile `begin`."""
-    names = {"air_now": make_air(compiler, real, parts), "triangle": make_triangle(compiler, real)}
-    names["particle_force"] = make_particle_force(compiler, real, AXES, parts | {"load"})  # every mass has its weight
-    variant = compiler.variant_of(real, features_of(parts))
-    return variant(filled(begin, {**names, "wind_of": filled(wind_of, names)}))
-
-
 @routine
 def update_masses(first, last, before, position, velocity, parameters):
     """Compute the velocities of the substep."""
@@ -137,13 +122,6 @@ def collide_masses(first, last, substep, before, position, velocity, parameters,
         velocity[k, 0] = vx
         velocity[k, 1] = vy
         velocity[k, 2] = vz
-
-
-def make_end(compiler: Compiler, real: Real, parts: frozenset[str]) -> SimpleNamespace:
-    """Compile `update_masses` and `collide_masses`, as `update` and `collide`."""
-    variant = compiler.variant_of(real)
-    collide = filled(collide_masses, {"collide_mass": make_collide_mass(compiler, real, parts)})
-    return SimpleNamespace(update=variant(update_masses), collide=variant(collide))
 
 
 @routine
@@ -179,11 +157,6 @@ def release_masses(first, last, position, pushes):
             position[k, axis] = position[k, axis] - pushes[k, axis]
 
 
-def touching_of(compiler: Compiler, real: Real, parts: frozenset[str]) -> Any:
-    """Return `touch_masses` with the colliders of a scene; velocities are the end's."""
-    return filled(touch_masses, {"collide_position": make_collide_mass(compiler, real, parts - {"restitution"})})
-
-
 @routine
 def opening(team, member, bands, frame, number, position, velocity, before, predicted, world):
     """Start a substep, in all threads of a team: save positions in `before`, write predictions into `predicted`, move
@@ -216,14 +189,15 @@ def closing(team, member, bands, number, position, velocity, before, world):
             drive(first, last, number, position, velocity, parameters, bodies, driven)
 
 
-def make_substep(compiler: Compiler, real: Real, parts: frozenset[str]) -> SimpleNamespace:
-    """Compile `opening` and `closing`."""
-    names = {
-        "begin": make_begin(compiler, real, parts), "drive": make_drive(compiler, real),
-        "collide_masses": make_end(compiler, real, parts).collide,
-    }  # fmt: skip
-    variant = compiler.variant_of(real, features_of(parts) | {"colliders": bool(parts & set(COLLIDER_KINDS))})
-    return SimpleNamespace(opening=variant(filled(opening, names)), closing=variant(filled(closing, names)))
+def mesh_features(parts: frozenset[str]) -> dict[str, Any]:
+    """Return the features of these kernels. Every mass has its weight."""
+    return features_of(parts | {"load"}) | {"axes": AXES, "colliders": bool(parts & set(COLLIDER_KINDS))}
+
+
+def of_scene(compiler: Compiler, kernel: Callable, real: Real, parts: frozenset[str]) -> Any:
+    """Return a kernel with the forces and colliders of a scene; those within iterations leave velocities to the end."""
+    position_only = compiler.variant_of(real, mesh_features(parts - {"restitution"}))(collide_mass)
+    return with_forces(filled(kernel, {"collide_position": position_only}), parts)
 
 
 @routine
@@ -276,16 +250,13 @@ def make_mesh_stages(real: Real, math: str, parts: frozenset[str]) -> SimpleName
     functions that they call, with the number of `bands` instead of a range. core/constraints.py has those of
     constraints."""
     compiler = Compiler(cloth_variant("mesh_stages", real, math, parts), math)
-    variant = compiler.variant_of(real)
-    names = {
-        "begin": make_begin(compiler, real, parts), "collide_masses": make_end(compiler, real, parts).collide,
-        "drive": make_drive(compiler, real), "touch_masses": touching_of(compiler, real, parts),
-    }  # fmt: skip
-    banded = {
-        stage.__name__: compiler.banded(variant.copied(filled(stage, names)))
-        for stage in (update, collide, pins, touch, release)
-    }
-    return SimpleNamespace(predict=compiler.team(variant.copied(filled(predict, names))), **banded)
+    variant = compiler.variant_of(real, mesh_features(parts))
+
+    def copied(stage: Any) -> Callable:
+        return variant.copied(of_scene(compiler, stage, real, parts))
+
+    banded = {stage.__name__: compiler.banded(copied(stage)) for stage in (update, collide, pins, touch, release)}
+    return SimpleNamespace(predict=compiler.team(copied(predict)), **banded)
 
 
 @routine
@@ -322,11 +293,9 @@ def advance(team, member, bands, steps, position, velocity, before, sets, world,
 def make_mesh_advance(real: Real, math: str, parts: frozenset[str], projections: tuple[Projection, ...]) -> Callable:
     """Compile `advance` for sets of constraints with these `projections`, in their order."""
     compiler = Compiler(cloth_variant("mesh", real, math, parts), math)
-    rows = make_rows(compiler)
-    projects = [make_projections(compiler, real, projection, rows) for projection in projections]
-    names = {
-        **vars(make_substep(compiler, real, parts)), "touch_masses": touching_of(compiler, real, parts),
-        "sweep": make_colours(compiler, projects, [projection.run for projection in projections]),
-    }  # fmt: skip
-    variant = compiler.variant_of(real, features_of(parts) | {"constraints": bool(projects)})
-    return compiler.team(variant.copied(filled(advance, names)))
+    projects = [make_projections(compiler, real, projection, False) for projection in projections]
+    sweep = make_colours(compiler, projects, [projection.run for projection in projections])
+    kernel = of_scene(compiler, filled(advance, {"sweep": sweep}), real, parts)
+    return compiler.team(
+        compiler.variant_of(real, mesh_features(parts) | {"constraints": bool(projects)}).copied(kernel)
+    )

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from softlab.cpu_backend.contact.particles_bounce import make_passes
+from softlab.cpu_backend.contact.particles_bounce import count_contacts, push
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.core.progress import assigned
@@ -21,10 +21,7 @@ from softlab.model.base.variant import Open, filled, routine
 from softlab.model.formulas.shape_matching.pace import MOTION
 from softlab.model.formulas.shape_matching.rebound import joined
 
-push = Open("push(band, count, position, velocity, weights, contacts, scales, travel)")
-count_contacts = Open("count_contacts(band, count, position, velocity, contacts, travel) -> True if there are any")
-apply_all = Open("apply_all(team, member, bands, position, velocity, weights, contacts, impulses, scales, travel)")
-apply_scaled = Open("apply_scaled(...): as apply_all, impulses scaled")
+apply_scaled = Open("apply_scaled(...): `apply` in the variant of scaled impulses")
 
 
 @routine
@@ -108,7 +105,7 @@ def bounce_all(team, member, bands, position, velocity, weights, contacts, array
             for axis in range(AXES):
                 for k in range(axis * count + low, axis * count + high):
                     impulses[k] = 0.0
-    apply_all(team, member, bands, position, velocity, weights, contacts, impulses, scales, travel)
+    apply(team, member, bands, position, velocity, weights, contacts, impulses, scales, travel)
     for band in assigned(team, member, bands):
         band_scratch = row_at(scratch, np.int64(pitch * band))
         if any_contacts(bands, scratch, pitch):
@@ -131,12 +128,9 @@ def bounce_all(team, member, bands, position, velocity, weights, contacts, array
 
 def _bounce_all(compiler: Compiler, real: Real) -> tuple[Any, Any]:
     """Return (variant, bounce_all), with the passes over contacts filled in."""
-    passes, scaled = (make_passes(compiler, real, scaled, True) for scaled in (False, True))
-    kernel = filled(bounce_all, {
-        "count_contacts": passes.count_contacts, "apply_all": filled(apply, {"push": passes.push}),
-        "apply_scaled": filled(apply, {"push": scaled.push}),
-    })  # fmt: skip
-    return compiler.variant_of(real, {"pairs": True}), kernel
+    features = {"pairs": True, "rigid_bounce": True, "scaled_impulses": False}
+    scaled = compiler.variant_of(real, features | {"scaled_impulses": True})(apply)
+    return compiler.variant_of(real, features), filled(bounce_all, {"apply_scaled": scaled})
 
 
 @cache

@@ -14,7 +14,7 @@ from numba import prange
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
-from softlab.cpu_backend.core.own_forces import make_particle_force
+from softlab.cpu_backend.core.own_forces import particle_force, with_forces
 from softlab.cpu_backend.core.scratch import cloth_variant
 from softlab.cpu_backend.shape_matching.damping import gather_motion, slow
 from softlab.cpu_backend.shape_matching.kernels import (
@@ -32,20 +32,17 @@ from softlab.cpu_backend.shape_matching.particles import (
     begin_rigid,
     body_features,
     collide_particles,
-    particle_routines,
     rate,
     store_impulses,
 )
 from softlab.cpu_backend.shape_matching.rebound import go, respond
 from softlab.cpu_backend.shape_matching.rigid import gather_rigid, steady_particles
 from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, Open, features_of, filled, routine
+from softlab.model.base.variant import FEATURE, features_of, routine
 from softlab.model.core.own_forces import particle_forces
 from softlab.model.formulas.distance import damping_factor, kicked, predicted
 from softlab.model.formulas.shape_matching.cluster import LANES
 from softlab.model.formulas.shape_matching.rigid import travelled
-
-add_force = Open("add_force(acceleration, k, weight, parameters, integers, step) -> acceleration")
 
 
 @routine
@@ -76,9 +73,11 @@ def gravity(count, record, a):
 
 
 @routine
-def particle_force(count, weights, record, integers, a):
+def add_force(count, weights, record, integers, a):
     for k in prange(count):
-        acceleration = add_force((a[k], a[count + k], a[2 * count + k]), k, weights[k], record[0], integers, NO_STEP)
+        acceleration = particle_force(
+            (a[k], a[count + k], a[2 * count + k]), k, weights[k], record[0], integers, NO_STEP
+        )
         for axis in range(AXES):
             a[axis * count + k] = acceleration[axis]
 
@@ -227,17 +226,16 @@ def make_bodies_stages(real: Real, math: str, parts: frozenset[str]) -> SimpleNa
     """Compile the stages of single particles, one parallel loop each: `gravity`, `add_force` by name, `predict`, `update`,
     `collide`. `count`: particles and ghosts; `a`: three planes of accelerations, 0 after a prediction."""
     compiler = Compiler(cloth_variant("bodies_stages", real, math, parts), math)
-    copied, routines = compiler.variant_of(real, body_features(parts)).copied, particle_routines(compiler, real, parts)
+    copied = compiler.variant_of(real, body_features(parts)).copied
 
     def stage_of(part: str) -> Callable:
-        force = make_particle_force(compiler, real, AXES, frozenset({part, "load"}))
-        return compiler.kernel(copied(filled(particle_force, {"add_force": force})))
+        return compiler.kernel(copied(with_forces(add_force, frozenset({part}))))
 
     return SimpleNamespace(
         gravity=compiler.kernel(copied(gravity)),
         particle_forces={force.stage: stage_of(force.part) for force in particle_forces(parts)},
         predict=compiler.kernel(copied(predict)), update=compiler.banded(copied(update)),
-        collide=compiler.banded(copied(filled(collide, routines))),
+        collide=compiler.banded(copied(collide)),
     )  # fmt: skip
 
 
@@ -251,5 +249,5 @@ def make_bodies_apart(real: Real, math: str, parts: frozenset[str]) -> Callable:
     and last cluster, 1 if they are lone; `even`: positions at the start, and after every other substep.
     """
     compiler = Compiler(cloth_variant("bodies_apart", real, math, parts), math)
-    kernel = filled(advance, particle_routines(compiler, real, parts))
-    return compiler.banded(compiler.variant_of(real, body_features(parts)).copied(kernel))
+    kernel = compiler.variant_of(real, body_features(parts)).copied(with_forces(advance, parts))
+    return compiler.banded(kernel)

@@ -16,7 +16,7 @@ import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
-from softlab.cpu_backend.core.own_forces import make_particle_force_row
+from softlab.cpu_backend.core.own_forces import with_forces
 from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.shape_matching.matching_rows import (
     CLUSTER,
@@ -208,7 +208,6 @@ def make_matching_advance(real: Real, math: str, region: int, parts: frozenset[s
     """
     words = "_".join(sorted(parts))
     compiler = Compiler(f"matching_{np.dtype(real).name}_{math}_{region}_{words}", math)
-    features = features_of(parts) | {"region": region, "particle_forces": bool(particle_forces(parts))}
-    add_particle_force = make_particle_force_row(compiler, real, AXES, parts)
-    kernel = filled(advance, scratch_places(region) | {"add_particle_force": add_particle_force})
+    features = features_of(parts) | {"axes": AXES, "region": region, "particle_forces": bool(particle_forces(parts))}
+    kernel = with_forces(filled(advance, scratch_places(region)), parts)
     return compiler.team(compiler.variant_of(real, features).copied(kernel))

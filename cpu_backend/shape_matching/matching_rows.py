@@ -10,8 +10,9 @@ so on) are rows `stride` apart. `columns`: masses of a row; (x, y): their positi
 from __future__ import annotations
 
 from softlab.cpu_backend.core.layout import row_at
+from softlab.cpu_backend.core.own_forces import add_2d
 from softlab.model.assets.lattice import T_CENTRE, T_COUNT, T_INVERSE, T_MASS, T_WEIGHT
-from softlab.model.base.variant import FEATURE, Open, real, routine, row_routine
+from softlab.model.base.variant import FEATURE, real, routine, row_routine
 from softlab.model.formulas.distance import kicked, predicted
 from softlab.model.formulas.distance import rate as rate_of
 from softlab.model.formulas.shape_matching.grid import (
@@ -28,8 +29,6 @@ LINE = 4  # sums along a row of masses
 SUMS = 6  # of a window
 CLUSTER = 4  # centre (x, y), cosine, sine
 GOALS = 6  # sums along a row of clusters
-
-add_particle_force = Open("add_particle_force(count, first, step, parameters, integers, x, y)")
 
 
 @routine
@@ -161,7 +160,7 @@ def accelerate(i, step, columns, stride, parameters, integers, kick):
     for j in range(columns):
         kick[j], kick[stride + j] = 0.0, parameters.gravity if FEATURE.gravity else 0.0
     if FEATURE.particle_forces:
-        add_particle_force(columns, i * columns, step, parameters, integers, kick, row_at(kick, stride))
+        add_2d(columns, i * columns, step, parameters, integers, kick, row_at(kick, stride))
 
 
 @row_routine

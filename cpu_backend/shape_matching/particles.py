@@ -10,14 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from softlab.cpu_backend.contact.colliders import make_collide_mass, make_collide_planes
+from softlab.cpu_backend.contact.colliders import collide_mass, collide_planes
 from softlab.cpu_backend.contact.particles_project import PACES
-from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import block_of, row_at
-from softlab.cpu_backend.core.own_forces import make_particle_force
+from softlab.cpu_backend.core.own_forces import particle_force
 from softlab.cpu_backend.shape_matching.kernels import AXES
-from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, Open, features_of, filled, open_constant, routine, row_routine
+from softlab.model.base.variant import FEATURE, features_of, filled, open_constant, routine, row_routine
 from softlab.model.formulas.distance import damping_factor, kicked, predicted
 from softlab.model.formulas.distance import rate as rate_of
 from softlab.model.formulas.shape_matching.cluster import LANES
@@ -28,23 +26,14 @@ BLOCK_32, BLOCK_64 = block_of(np.float32), block_of(np.float64)
 NO_STEP = np.int64(0)  # no force on bodies depends on it
 
 RATES = open_constant("RATES: a prediction writes velocities at the substep's end")
-particle_force = Open("particle_force(acceleration, k, weight, parameters, integers, step) -> acceleration")
-collide_mass = Open("collide_mass(bodies, kinds, step, parameters, before, position, velocity) -> (position, velocity)")
-collide_planes = Open("collide_planes(bodies, kinds, step, parameters, blocks, ax, ay, az, x, y, z, vx, vy, vz)")
 
 
-def body_features(parts: frozenset[str]) -> dict[str, bool]:
-    """Return the features of kernels of bodies with `parts`."""
-    return features_of(parts) | {"colliders": bool(parts & set(COLLIDER_KINDS)), "calmed": bool(parts & PACES)}
-
-
-def particle_routines(compiler: Compiler, real: Real, parts: frozenset[str]) -> dict[str, Any]:
-    """Return the forces and colliders of bodies with `parts`, by the open names of this file."""
-    return {
-        "particle_force": make_particle_force(compiler, real, AXES, parts | {"load"}),  # each particle has its weight
-        "collide_mass": make_collide_mass(compiler, real, parts),
-        "collide_planes": make_collide_planes(compiler, real, parts),
-    }
+def body_features(parts: frozenset[str]) -> dict[str, Any]:
+    """Return the features of kernels of bodies with `parts`. Every particle has its weight."""
+    return features_of(parts | {"load"}) | {
+        "axes": AXES, "colliders": bool(parts & set(COLLIDER_KINDS)), "calmed": bool(parts & PACES),
+        "pairs": False,
+    }  # fmt: skip
 
 
 @routine

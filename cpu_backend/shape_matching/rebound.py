@@ -208,5 +208,5 @@ def make_rebound_stages(real: Real, math: str) -> SimpleNamespace:
     """Compile `note(bands, velocity, count, arrays)` and, after colliders, `rebound(bands, position, velocity, count,
     arrays, scratch, pitch)`."""
     compiler = Compiler(f"bodies_rebound_{np.dtype(real).name}_{math}", math)
-    copied = compiler.variant_of(real).copied
+    copied = compiler.variant_of(real, {"pairs": False}).copied
     return SimpleNamespace(note=compiler.banded(copied(note)), rebound=compiler.team(copied(rebound)))

@@ -8,12 +8,13 @@ from functools import cache
 
 import numpy as np
 
-from softlab.cpu_backend.contact.particles_bounce import make_bounce
-from softlab.cpu_backend.contact.particles_find import make_find
-from softlab.cpu_backend.contact.particles_project import PACES, make_clear, make_project, make_settle
+from softlab.cpu_backend.contact.particles_bounce import bounce_all
+from softlab.cpu_backend.contact.particles_find import find_all
+from softlab.cpu_backend.contact.particles_project import PACES, clear_some, project_all, settle_some
 from softlab.cpu_backend.core.compile import Compiler
-from softlab.cpu_backend.core.constraints import make_colours, make_planes, make_projections
+from softlab.cpu_backend.core.constraints import make_colours, make_projections
 from softlab.cpu_backend.core.layout import row_at
+from softlab.cpu_backend.core.own_forces import with_forces
 from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.core.scratch import cloth_variant
 from softlab.cpu_backend.shape_matching.bodies_bounce import make_bodies_bounce
@@ -25,7 +26,6 @@ from softlab.cpu_backend.shape_matching.particles import (
     begin,
     body_features,
     collide_particles,
-    particle_routines,
     rate,
     store_impulses,
 )
@@ -36,14 +36,9 @@ from softlab.model.base.variant import FEATURE, Open, filled, routine
 from softlab.model.formulas.shape_matching.cluster import LANES
 from softlab.model.particles.links import LINKS
 
-settle = Open("settle(first, last, count, before, after, record, travel): speed limit and sleeping of particles")
-bounce = Open("bounce(team, member, bands, position, velocity, weights, contacts)")
 bounce_bodies = Open(
     "bounce_bodies(team, member, bands, position, velocity, weights, contacts, arrays, scratch, pitch)"
 )
-find = Open("find(team, member, bands, position, weights, rows, search)")
-clear = Open("clear(band, lists, contacts)")
-project = Open("project(team, member, bands, before, after, weights, contacts, travel, couples)")
 sweep_links = Open("sweep_links(team, member, bands, after, weights, before, links, fresh, parameters)")
 
 
@@ -71,7 +66,7 @@ def end(team, member, bands, number, goes_on, before, after, b, contacts):
             if FEATURE.couples:
                 turn_particles(first, last, after, travel, weights, count, arrays)
             if FEATURE.calmed:
-                settle(first, last, count, before, after, contacts.rows.record, travel)
+                settle_some(first, last, count, before, after, contacts.rows.record, travel)
             if FEATURE.contact_restitution:
                 for axis in range(AXES):
                     for k in range(axis * count + first, axis * count + last):
@@ -87,7 +82,7 @@ def end(team, member, bands, number, goes_on, before, after, b, contacts):
                 first, last = LANES * (blocks * band // bands), LANES * (blocks * (band + 1) // bands)
                 steady_particles(first, last, after, velocity, count, arrays)
     if FEATURE.contact_restitution and not FEATURE.rigid_bounce:
-        bounce(team, member, bands, after, velocity, weights, contacts)
+        bounce_all(team, member, bands, after, velocity, weights, contacts)
     if FEATURE.cluster_damping:
         for band in assigned(team, member, bands):
             band_scratch = row_at(scratch, np.int64(SCRATCH * LANES * band))
@@ -145,10 +140,10 @@ def advance(team, member, bands, steps, even, odd, b, links, contacts, lattices)
         before, after = (odd, even) if n % 2 else (even, odd)
         number, goes_on = steps.step * steps.substeps + n, n < passes - 1
         if FEATURE.contacts:
-            find(team, member, bands, after, weights, contacts.rows, contacts.search)
+            find_all(team, member, bands, after, weights, contacts.rows, contacts.search)
             if FEATURE.rigid_motion:
                 for band in assigned(team, member, bands):
-                    clear(band, contacts.search.lists, contacts.contacts)
+                    clear_some(band, contacts.search.lists, contacts.contacts)
         for iteration in range(iterations):
             if FEATURE.links:
                 sweep_links(team, member, bands, after, weights, before, links, iteration == 0, parameters)
@@ -174,7 +169,7 @@ def advance(team, member, bands, steps, even, odd, b, links, contacts, lattices)
             if FEATURE.lattices:
                 move_all(team, member, bands, after, count, lattices)
             if FEATURE.contacts:
-                project(team, member, bands, before, after, weights, contacts, travel, couples)
+                project_all(team, member, bands, before, after, weights, contacts, travel, couples)
         if not FEATURE.at_once:
             end(team, member, bands, number, goes_on, before, after, b, contacts)
 
@@ -191,16 +186,11 @@ def make_bodies_together(real: Real, math: str, parts: frozenset[str]) -> Callab
     features = body_features(parts) | {
         "rests": {"rigid-motion", "sleeping"} <= parts,
         "rates_apart": bool(parts & read_before_colliders),
+        "scaled_impulses": False,
         "at_once": not parts & {"contacts", "cluster_damping", "lattices", "rigid-motion"},
     }
-    has_rigid, has_couples = "rigid-motion" in parts, "couples" in parts
-    project_links = make_projections(compiler, real, LINKS, make_planes(compiler))
-    kernel = filled(advance, particle_routines(compiler, real, parts) | {
-        "settle": make_settle(compiler, real, parts), "bounce": make_bounce(real, math),
-        "bounce_bodies": make_bodies_bounce(real, math), "find": make_find(real, math), "clear": make_clear(compiler),
-        "project": make_project(
-            real, math, "contact-friction" in parts, "contact-adhesion" in parts, has_rigid, has_couples
-        ),
-        "sweep_links": make_colours(compiler, [project_links], [LINKS.run]),
-    })  # fmt: skip
+    project_links = make_projections(compiler, real, LINKS, True)
+    kernel = with_forces(filled(advance, {
+        "bounce_bodies": make_bodies_bounce(real, math), "sweep_links": make_colours(compiler, [project_links], [LINKS.run]),
+    }), parts)  # fmt: skip
     return compiler.team(compiler.variant_of(real, features).copied(kernel))

@@ -13,11 +13,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from softlab.cpu_backend.contact.colliders import make_collide_mass
+from softlab.cpu_backend.contact.colliders import collide_mass
 from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.own_forces import with_forces
 from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.core.scratch import cloth_variant
-from softlab.cpu_backend.position_based.mesh_kernels import make_substep
+from softlab.cpu_backend.position_based.mesh_kernels import closing, mesh_features, opening
 from softlab.cpu_backend.tetrahedra.descent_acceleration import accelerate_some
 from softlab.cpu_backend.tetrahedra.descent_contact import add_contact
 from softlab.cpu_backend.tetrahedra.springs import pulled, row
@@ -197,8 +198,6 @@ def descend(band, bands, first, last, position, inertial, arrays, parameters, ar
     )  # fmt: skip
 
 
-opening = Open("opening(team, member, bands, frame, number, position, velocity, before, predicted, world)")
-closing = Open("closing(team, member, bands, number, position, velocity, before, world)")
 prepare = Open("prepare_material of the first material")
 sweep = Open("sweep_material of the first material")
 
@@ -233,7 +232,7 @@ def _visits(
     """Return the variant of a material's visits, and what fills the open names in them."""
     variant = compiler.variant_of(real, kernel_features(parts) | {"material": material, "damped": damped})
     inlined = compiler.inlined(variant.copied(descent.element))
-    return variant, {"element": inlined, "touch": make_collide_mass(compiler, real, parts)}
+    return variant, {"element": inlined, "touch": collide_mass}
 
 
 @cache
@@ -258,7 +257,6 @@ def make_descent_advance(
         prepared = filled(prepare_material, {"number": place, "prepare_others": prepared, **first})
         visit = variant(filled(descend_some, names))
         swept = filled(sweep_material, {"number": place, "sweep_others": swept, "descend_material": visit})
-    ends = make_substep(compiler, real, parts)
-    whole = {"opening": ends.opening, "closing": ends.closing, "prepare": prepared, "sweep": swept}
-    variant = compiler.variant_of(real, kernel_features(parts) | {"damped": damped})
-    return compiler.team(variant.copied(filled(advance, whole)))
+    variant = compiler.variant_of(real, mesh_features(parts) | kernel_features(parts | {"load"}) | {"damped": damped})
+    kernel = with_forces(filled(advance, {"prepare": prepared, "sweep": swept}), parts)
+    return compiler.team(variant.copied(kernel))

@@ -11,12 +11,13 @@ from functools import cache
 
 import numpy as np
 
-from softlab.cpu_backend.contact.colliders import make_collide_mass
-from softlab.cpu_backend.contact.pins import make_drive
+from softlab.cpu_backend.contact.colliders import collide_mass
+from softlab.cpu_backend.contact.pins import drive
 from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.own_forces import with_forces
 from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.core.scratch import cloth_variant
-from softlab.cpu_backend.position_based.mesh_kernels import make_begin, make_end
+from softlab.cpu_backend.position_based.mesh_kernels import begin, collide_masses, mesh_features, update_masses
 from softlab.cpu_backend.tetrahedra.newton_arrays import Since
 from softlab.cpu_backend.tetrahedra.newton_coarse import centre, factor, gather, restrict, solve
 from softlab.cpu_backend.tetrahedra.newton_contact import pressed
@@ -26,7 +27,7 @@ from softlab.cpu_backend.tetrahedra.newton_rows import accept, correct, direct, 
 from softlab.cpu_backend.tetrahedra.newton_rows import start as start_solve
 from softlab.cpu_backend.tetrahedra.newton_rows import update as update_solution
 from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, Open, filled, routine
+from softlab.model.base.variant import FEATURE, filled, routine
 from softlab.model.contact.sheet_plan import FRICTION_IN_PLACE
 from softlab.model.formulas.elastic.newton import (
     ACCEPT,
@@ -68,12 +69,6 @@ def control_type(real: Real) -> np.dtype:
     integers = [(name, np.int64) for name in ("next", "solved", *Counts._fields)]
     numbers = [(name, real) for name in Values._fields]
     return np.dtype((np.record, np.dtype([*integers, *numbers], align=True)))
-
-
-begin = Open("begin(first, last, step, substep, before, velocity, position, parameters, integers, wind_lists)")
-update = Open("update(first, last, before, position, velocity, parameters): velocities of the substep")
-collide = Open("collide(first, last, substep, before, position, velocity, parameters, bodies, kinds)")
-drive = Open("drive(first, last, number, position, velocity, parameters, bodies, driven): pins that follow a motion")
 
 
 @routine
@@ -129,12 +124,12 @@ def finish_groups(first, last, number, state, inputs, matrix):
     position, velocity, before = state
     parameters, bodies, kinds = inputs.parameters, inputs.bodies, inputs.kinds
     low, high = first * SUMMED, min(last * SUMMED, len(position))
-    update(low, high, before, position, velocity, parameters)
+    update_masses(low, high, before, position, velocity, parameters)
     if FEATURE.motion:
         drive_between(low, high, number, state, inputs)
     if FEATURE.colliders:
         pressed(low, high, number, position, velocity, before, matrix.stiffness, (parameters, bodies, kinds))
-        collide(low, high, number, before, position, velocity, parameters, bodies, kinds)
+        collide_masses(low, high, number, before, position, velocity, parameters, bodies, kinds)
 
 
 @routine
@@ -271,10 +266,8 @@ def advance(team, member, bands, steps, floor, state, inputs, solver, control, d
 def make_newton_advance(real: Real, math: str, parts: frozenset[str]) -> Callable:
     """Compile `advance` as advance(bands, steps, floor, state, inputs, solver, control, done)."""
     compiler = Compiler(cloth_variant("newton", real, math, parts), math)
-    ends = make_end(compiler, real, parts)
-    touch = make_collide_mass(compiler, real, parts - {FRICTION_IN_PLACE})
-    names = {
-        "begin": make_begin(compiler, real, parts), "update": ends.update, "collide": ends.collide,
-        "drive": make_drive(compiler, real), "touch": touch,
-    }  # fmt: skip
-    return compiler.team(compiler.variant_of(real, kernel_features(parts)).copied(filled(advance, names)))
+    touch = compiler.variant_of(real, mesh_features(parts - {FRICTION_IN_PLACE}))(collide_mass)
+    kernel = with_forces(filled(advance, {"touch": touch}), parts)
+    return compiler.team(
+        compiler.variant_of(real, mesh_features(parts) | kernel_features(parts | {"load"})).copied(kernel)
+    )

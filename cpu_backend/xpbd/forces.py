@@ -10,11 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import BLOCK, L_PLANE, L_STRIDE, row_at
-from softlab.cpu_backend.core.own_forces import make_particle_force
-from softlab.cpu_backend.core.scratch import AXES, make_scratch, triples_of
-from softlab.cpu_backend.core.wind import make_winds
+from softlab.cpu_backend.core.own_forces import particle_force
+from softlab.cpu_backend.core.scratch import AXES, clear_triple, row_start, triples_of
+from softlab.cpu_backend.core.wind import add_wind, air_now, wind_cells, wind_features
 from softlab.cpu_backend.xpbd.layout import (
     P_ACCELERATION,
     P_BLOCKS,
@@ -27,19 +26,11 @@ from softlab.cpu_backend.xpbd.layout import (
     P_STRIDE,
     P_WIND_SCRATCH,
 )
-from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, Open, features_of, filled, routine, row_routine
+from softlab.model.base.variant import FEATURE, routine, row_routine
 from softlab.model.core.own_forces import particle_forces
 from softlab.model.formulas.distance import added
 
 WIND_PARTS = frozenset({"wind", "gust"})
-
-add_wind = Open("add_wind(i, blocks, scratch, width): add the wind on row i to its accelerations")
-air_now = Open("air_now(parameters, integers, substep, offset) -> the air's velocity [m/s]")
-clear = Open("clear(scratch, triple, width)")
-particle_force = Open("particle_force(a, k, weight, parameters, integers, step) -> a [m/s^2]")
-place = Open("place(triple, axis, width) -> index of column 0 of a row of scratch")
-wind_cells = Open("wind_cells(i, blocks, layout, source, parameters, air, scratch, width)")
 
 
 def has_forces(parts: frozenset[str]) -> bool:
@@ -122,38 +113,25 @@ def wind_band(band, bounds, natural, substep, sheet):
     source, close = row_at(memory, places[P_NATURAL]), np.int64(FEATURE.at_close)
     air = air_now(parameters, sheet.integers, substep, 0.0)
     for triple in range(FEATURE.triples):
-        clear(scratch, np.int64(triple), width)
+        clear_triple(scratch, np.int64(triple), width)
     if first > 0:
         wind_cells(first - 1, blocks, natural, source, parameters, air, scratch, width)
     spare = row_at(scratch, FEATURE.triples * AXES * width)
     for i in range(first, bounds[band + 1]):
-        clear(scratch, close, width)
+        clear_triple(scratch, close, width)
         wind_cells(i, blocks, natural, source, parameters, air, scratch, width)
         add_wind(i, blocks, scratch, width)
         here = places[P_ACCELERATION] + i * places[P_STRIDE]
         for axis in range(AXES):
             out = row_at(memory, here + axis * plane)
             base = parameters.gravity if FEATURE.gravity and axis == 1 else 0.0
-            comb(places[P_CLASS], places[P_BLOCKS], row_at(scratch, place(close, axis, width)), spare)
+            comb(places[P_CLASS], places[P_BLOCKS], row_at(scratch, row_start(close, axis, width)), spare)
             weigh_row(FEATURE.classes * places[P_CLASS], spare, row_at(memory, sheet.row_places[0, i]), base, out)
 
 
 def force_features(parts: frozenset[str], axes: int, classes: int) -> dict[str, Any]:
     """Return the features of the routines of this module."""
     at = triples_of(parts & WIND_PARTS)
-    return features_of(parts) | {
-        "axes": axes, "classes": classes, "particle_forces": bool(particle_forces(parts)), "at_close": at["close"],
-        "triples": at["count"],
+    return wind_features(parts, at) | {
+        "axes": axes, "classes": classes, "particle_forces": bool(particle_forces(parts)), "triples": at["count"]
     }  # fmt: skip
-
-
-def with_forces(compiler: Compiler, real: Real, axes: int, parts: frozenset[str]) -> Any:
-    """Return `add_forces` with the forces of a scene."""
-    return filled(add_forces, {"particle_force": make_particle_force(compiler, real, axes, parts)})
-
-
-def with_wind(compiler: Compiler, real: Real, parts: frozenset[str]) -> Any:
-    """Return `wind_band` with the wind of a scene."""
-    scratch = vars(make_scratch(compiler, real))
-    at = triples_of(parts & WIND_PARTS)
-    return filled(wind_band, scratch | vars(make_winds(compiler, real, parts & WIND_PARTS, at=at, **scratch)))

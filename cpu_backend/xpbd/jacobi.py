@@ -14,7 +14,7 @@ import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import BLOCK, row_at
-from softlab.cpu_backend.core.scratch import AXES, SPAN, make_scratch
+from softlab.cpu_backend.core.scratch import AXES, SPAN, clear_triple, row_edge
 from softlab.cpu_backend.xpbd.layout import (
     P_BEFORE,
     P_BLOCKS,
@@ -24,18 +24,16 @@ from softlab.cpu_backend.xpbd.layout import (
     P_SCRATCH_WIDTH,
     P_STRIDE,
 )
-from softlab.cpu_backend.xpbd.rows import constants_of_even, constants_of_odd, family_constants, family_features
+from softlab.cpu_backend.xpbd.rows import constants_of_even, constants_of_odd, family_features
 from softlab.cpu_backend.xpbd.stage_projections import change as change_of
 from softlab.cpu_backend.xpbd.walk import sheet_features
 from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, Open, filled, open_constant, routine, row_routine
+from softlab.model.base.variant import FEATURE, Open, open_constant, routine, row_routine
 from softlab.model.formulas.distance import averaged, gathered, scaled
 from softlab.model.position_based.plan import FAMILIES, families
 
 PLANES = len(FAMILIES)  # of multipliers
 
-clear = Open("clear(scratch, triple, width)")
-edge = Open("edge(triple, axis, width) -> index of column -SPAN of a row of scratch")
 first_triples = open_constant("first_triples: number of the first triple of scratch rows of each family")
 gather_uneven = Open("gather_uneven(...): `gather_row` of masses with weights")
 vertical = Open("vertical(i, stores, source, turn, later, scratch, sheet): `lead` of this family; so are the others")
@@ -107,7 +105,7 @@ def lead(i, stores, source, turn, later, scratch, sheet):
     here = row_at(memory, places[P_MULTIPLIERS] + (FEATURE.family + turn * PLANES) * plane + i * stride)
     there = row_at(memory, places[P_MULTIPLIERS] + (FEATURE.family + (1 - turn) * PLANES) * plane + i * stride)
     if not stores:
-        there = row_at(scratch, edge(FEATURE.idle_triple, 0, width))
+        there = row_at(scratch, row_edge(FEATURE.idle_triple, 0, width))
     even, odd = constants_of_even(parameters), constants_of_odd(parameters)
     constants = odd if FEATURE.rows_down > 0 and i & 1 else even
     displace_row(
@@ -117,8 +115,8 @@ def lead(i, stores, source, turn, later, scratch, sheet):
         row_at(memory, old + second), row_at(memory, old + second + plane), row_at(memory, old + second + 2 * plane),
         here, later, there, row_at(memory, row_places[of_family, i]), constants.rest,
         constants.compliance, odd.compliance, constants.damping,
-        row_at(scratch, edge(triple, 0, width) + SPAN), row_at(scratch, edge(triple, 1, width) + SPAN),
-        row_at(scratch, edge(triple, 2, width) + SPAN),
+        row_at(scratch, row_edge(triple, 0, width) + SPAN), row_at(scratch, row_edge(triple, 1, width) + SPAN),
+        row_at(scratch, row_edge(triple, 2, width) + SPAN),
     )  # fmt: skip
 
 
@@ -162,7 +160,7 @@ def open_walk(first, source, turn, later, scratch, sheet):
     """Prepare the scratch of a band that begins at row `first`."""
     if first < SPAN:
         for triple in range(FEATURE.triples):
-            clear(scratch, np.int64(triple), sheet.places[P_SCRATCH_WIDTH])
+            clear_triple(scratch, np.int64(triple), sheet.places[P_SCRATCH_WIDTH])
     for i in range(max(first - SPAN, 0), first):
         lead_down(i, False, source, turn, later, scratch, sheet)
 
@@ -183,13 +181,16 @@ def iterate_row(i, source, target, turn, later, scratch, sheet):
         row = axis * plane + here
         arguments = (
             places[P_BLOCKS], row_at(memory, source + row), row_at(memory, row_places[0, i]),
-            row_at(memory, row_places[1, i]), row_at(scratch, edge(a_horizontal, axis, width)),
-            row_at(scratch, edge(a_vertical + now, axis, width)), row_at(scratch, edge(a_vertical + before, axis, width)),
-            row_at(scratch, edge(a_falling + now, axis, width)), row_at(scratch, edge(a_falling + before, axis, width)),
-            row_at(scratch, edge(a_rising + now, axis, width)), row_at(scratch, edge(a_rising + before, axis, width)),
-            row_at(scratch, edge(a_far_horizontal, axis, width)),
-            row_at(scratch, edge(a_far_vertical + far_now, axis, width)),
-            row_at(scratch, edge(a_far_vertical + far_before, axis, width)), row_at(memory, target + row),
+            row_at(memory, row_places[1, i]), row_at(scratch, row_edge(a_horizontal, axis, width)),
+            row_at(scratch, row_edge(a_vertical + now, axis, width)),
+            row_at(scratch, row_edge(a_vertical + before, axis, width)),
+            row_at(scratch, row_edge(a_falling + now, axis, width)),
+            row_at(scratch, row_edge(a_falling + before, axis, width)),
+            row_at(scratch, row_edge(a_rising + now, axis, width)),
+            row_at(scratch, row_edge(a_rising + before, axis, width)),
+            row_at(scratch, row_edge(a_far_horizontal, axis, width)),
+            row_at(scratch, row_edge(a_far_vertical + far_now, axis, width)),
+            row_at(scratch, row_edge(a_far_vertical + far_before, axis, width)), row_at(memory, target + row),
         )  # fmt: skip
         if row_uneven[i]:
             gather_uneven(*arguments)
@@ -198,20 +199,17 @@ def iterate_row(i, source, target, turn, later, scratch, sheet):
 
 
 def iteration_of(compiler: Compiler, real: Real, axes: int, parts: frozenset[str], several: bool) -> dict[str, Any]:
-    """Return `open_walk` and `iterate_row` with the constraints of a scene, by name."""
+    """Return the constraints of a scene by their open names in `open_walk` and `iterate_row`."""
     assert axes <= AXES
-    at, scratch = displacement_triples(parts), make_scratch(compiler, real)
-    names: dict[str, Any] = {"edge": scratch.edge, "clear": scratch.clear}
+    at = displacement_triples(parts)
+    names: dict[str, Any] = {}
     for name, family in zip(LEADS, FAMILIES, strict=True):
         if family.kind in parts:
             features = family_features(parts, axes, family, several)
             features |= {"first_triple": at[family.name], "idle_triple": at["idle"]}
-            constants = family_constants(compiler, parts, family)
-            names[name] = compiler.variant_of(real, features)(filled(lead, names | constants))
+            names[name] = compiler.variant_of(real, features)(lead)
     features = sheet_features(parts, axes, 1) | {"uneven": bool(parts & {"pins", "load"})}
-    names |= {
+    return names | {
         "gather_uneven": compiler.variant_of(real, features)(gather_row),
         "first_triples": tuple(at.get(family.name, at["idle"]) for family in FAMILIES),
     }
-    names["lead_down"] = filled(lead_down, names)
-    return {"open_walk": filled(open_walk, names), "iterate_row": filled(iterate_row, names)}

@@ -15,9 +15,10 @@ import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
+from softlab.cpu_backend.core.own_forces import with_forces
 from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.core.scratch import cloth_variant
-from softlab.cpu_backend.xpbd.forces import copy_band, wind_band, with_wind
+from softlab.cpu_backend.xpbd.forces import copy_band, wind_band
 from softlab.cpu_backend.xpbd.jacobi import displacement_triples, iterate_row, iteration_of, open_walk, stencil_rows
 from softlab.cpu_backend.xpbd.layout import P_OTHER, P_PLANE, P_SCRATCH, P_SCRATCH_SIZE, P_STRIDE
 from softlab.cpu_backend.xpbd.walk import begin_row, end_iteration, end_row, sheet_features, walk_of
@@ -99,9 +100,6 @@ def make_jacobi_advance(real: Real, math: str, axes: int, parts: frozenset[str],
     variant = compiler.variant_of(
         real, of_sheet | {"triples": displacement_triples(parts)["count"], "stencil_rows": stencil_rows(parts)}
     )
-    of_rows = walk_of(compiler, real, axes, parts, 1) | iteration_of(compiler, real, axes, parts, several)
-    names = {
-        "open_band": filled(open_band, of_rows), "iterate_band": filled(iterate_band, of_rows),
-        "wind_band": compiler.variant_of(real, of_sheet)(with_wind(compiler, real, parts)),
-    }  # fmt: skip
-    return compiler.team(variant.copied(filled(advance, names)))
+    names = walk_of(compiler, real, axes, parts, 1) | iteration_of(compiler, real, axes, parts, several)
+    names["wind_band"] = compiler.variant_of(real, of_sheet)(wind_band)  # it has other scratch rows
+    return compiler.team(variant.copied(with_forces(filled(advance, names), parts)))

@@ -21,17 +21,33 @@ from softlab.cpu_backend.xpbd.layout import (
     P_STRIDE,
 )
 from softlab.cpu_backend.xpbd.stage_projections import change as change_of
-from softlab.model.base.tuples import reader
 from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, Open, features_of, filled, routine, row_routine
-from softlab.model.contact.substep_parameters import CONSTANTS
+from softlab.model.base.variant import FEATURE, Open, features_of, filled, routine, row_routine, unrolled
+from softlab.model.contact.substep_parameters import CONSTANTS, NAMES, Constants
 from softlab.model.formulas.distance import damping_factor, kicked, moved, predicted, rate
 from softlab.model.position_based.plan import FAMILIES, Family
 
-constants_of_even = Open("constants_of_even(parameters) -> constants of a family")
-constants_of_odd = Open("constants_of_odd(parameters) -> constants of its constraints of the odd colour")
+NAMES_OF_FAMILIES, STIFF_NAMES, NUMBERS = (
+    tuple(NAMES[family.kind] for family in FAMILIES),
+    NAMES["stiff"],
+    len(CONSTANTS),
+)
 project_even = Open("project_even(...): `project_row` of masses of weight 1")
 project_uneven = Open("project_uneven(...): `project_row` of masses with weights")
+
+
+@routine
+def constants_of_even(parameters):
+    """Return the constants of a family."""
+    return Constants(*tuple(parameters[NAMES_OF_FAMILIES[FEATURE.family][n]] for n in unrolled(NUMBERS)))
+
+
+@routine
+def constants_of_odd(parameters):
+    """Return the constants of a family's constraints of the odd colour."""
+    if FEATURE.alternating:
+        return Constants(*tuple(parameters[STIFF_NAMES[n]] for n in unrolled(NUMBERS)))
+    return constants_of_even(parameters)
 
 
 @row_routine
@@ -173,21 +189,13 @@ def family_features(parts: frozenset[str], axes: int, family: Family, several: b
     }  # fmt: skip
 
 
-def family_constants(compiler: Compiler, parts: frozenset[str], family: Family) -> dict[str, Any]:
-    """Return the readers of a family's constants."""
-    even = reader(CONSTANTS, compiler.compiled, f"constraint_{family.kind}_")
-    stiff = family.kind == "structural" and "alternating" in parts
-    odd = reader(CONSTANTS, compiler.compiled, "constraint_stiff_") if stiff else even
-    return {"constants_of_even": even, "constants_of_odd": odd}
-
-
 def make_link(
     compiler: Compiler, real: Real, axes: int, parts: frozenset[str], family: Family, classes: int, several: bool
 ) -> Any:
     """Compile `link` for a family."""
     features = family_features(parts, axes, family, several) | {"classes": classes}
-    names = family_constants(compiler, parts, family)
+    names = {}
     for version in ("even", "uneven"):
         uneven = version == "uneven" and bool(parts & {"pins", "load"})
         names[f"project_{version}"] = compiler.variant_of(real, features | {"uneven": uneven})(project_row)
-    return compiler.variant_of(real, features)(filled(link, {"project_class": filled(project_class, names)}))
+    return compiler.variant_of(real, features)(filled(link, names))

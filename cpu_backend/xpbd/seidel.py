@@ -13,9 +13,10 @@ from functools import cache
 import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.own_forces import with_forces
 from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.core.scratch import cloth_variant
-from softlab.cpu_backend.xpbd.forces import copy_band, wind_band, with_wind
+from softlab.cpu_backend.xpbd.forces import copy_band, wind_band
 from softlab.cpu_backend.xpbd.layout import classes_of
 from softlab.cpu_backend.xpbd.rows import make_link
 from softlab.cpu_backend.xpbd.schedule import (
@@ -106,5 +107,5 @@ def make_seidel_advance(real: Real, math: str, axes: int, parts: frozenset[str],
     for name, family in zip(LINKS, FAMILIES, strict=True):
         if family.kind in parts:
             names[name] = make_link(compiler, real, axes, parts, family, classes, several)
-    kernel = filled(advance, {"follow": filled(follow, names), "wind_band": with_wind(compiler, real, parts)})
+    kernel = with_forces(filled(advance, names), parts)
     return compiler.team(compiler.variant_of(real, sheet_features(parts, axes, classes)).copied(kernel))

@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from softlab.cpu_backend.contact.colliders import make_collide_row
+from softlab.cpu_backend.contact.colliders import collide_row
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import BLOCK, row_at
-from softlab.cpu_backend.xpbd.forces import add_forces, force_features, has_forces, with_forces
+from softlab.cpu_backend.xpbd.forces import add_forces, force_features, has_forces
 from softlab.cpu_backend.xpbd.layout import (
     P_ACCELERATION,
     P_ANCHORS,
@@ -28,14 +28,11 @@ from softlab.cpu_backend.xpbd.layout import (
 )
 from softlab.cpu_backend.xpbd.rows import factor_of, finish, pin, predict
 from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, Open, filled, routine, row_routine
+from softlab.model.base.variant import FEATURE, Open, routine, row_routine
 from softlab.model.formulas.distance import tether, tethered
 from softlab.model.formulas.lengths import squared_length, squared_length_3d
 from softlab.model.tables.cloth import COLLIDER_KINDS
 
-collide_row = Open(
-    "collide_row(bodies, kinds, substep, parameters, blocks, source, here, plane, target, there, target_plane)"
-)
 predict_uneven = Open("predict_uneven(...): `predict` of masses with weights")
 
 
@@ -182,13 +179,11 @@ def end_row(i, substep, position, sheet):
 def sheet_features(parts: frozenset[str], axes: int, classes: int) -> dict[str, Any]:
     """Return the features of the routines of a sheet's rows."""
     return force_features(parts, axes, classes) | {
-        "separate_before": keeps_velocity(parts), "mass_forces": has_forces(parts)
+        "separate_before": keeps_velocity(parts), "mass_forces": has_forces(parts), "uneven": False
     }  # fmt: skip
 
 
 def walk_of(compiler: Compiler, real: Real, axes: int, parts: frozenset[str], classes: int) -> dict[str, Any]:
-    """Return `begin_row` and `end_row` with the forces and colliders of a scene, by name."""
+    """Return what is open in `begin_row`."""
     uneven = compiler.variant_of(real, sheet_features(parts, axes, classes) | {"uneven": True})
-    names = {"add_forces": with_forces(compiler, real, axes, parts), "predict_uneven": uneven(predict)}
-    touch = filled(touch_row, {"collide_row": make_collide_row(compiler, real, parts)})
-    return {"begin_row": filled(begin_row, names), "end_row": filled(end_row, {"touch_row": touch})}
+    return {"predict_uneven": uneven(predict)}

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import cache
-
 import numpy as np
 
 from softlab.gpu_backend.contact.rows import (
@@ -28,10 +25,8 @@ from softlab.gpu_backend.contact.rows import (
     FIRST_ROW,
     ROW,
 )
-from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.integers import BOXES, CAPSULES, FIELDS, MESHES, PLANES, SPHERES
-from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, Open, features_of, filled, inlined_routine
+from softlab.model.base.variant import FEATURE, Open, filled, inlined_routine
 from softlab.model.formulas import distance_field, triangle_tree
 from softlab.model.formulas.cloth import between, instant, moved, pushed
 from softlab.model.formulas.colliders import (
@@ -227,15 +222,3 @@ def collide(before, px, py, pz, vx, vy, vz, world, step):
             p, v = push_from_field(before, p, v, settling, bodies, at, begin, end)
             at = np.uint64(at + ROW)
     return p[0], p[1], p[2], v[0], v[1], v[2]
-
-
-@cache
-def make_place_of(real: Real, math: str) -> Callable:
-    function: Callable = device_variant(real, math)(place_of)
-    return function
-
-
-@cache
-def make_collide(real: Real, math: str, parts: frozenset[str]) -> Callable:
-    function: Callable = device_variant(real, math, features_of(parts))(collide)
-    return function

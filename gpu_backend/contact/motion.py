@@ -5,13 +5,8 @@ Particles are quads: x, y, z and the weight w, 0 if pinned, 1, or the sheet's ma
 
 from __future__ import annotations
 
-from functools import cache
-from types import SimpleNamespace
-
 from softlab.gpu_backend.contact.colliders import collide as collide_all
-from softlab.gpu_backend.core.formulas import device_variant
-from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, features_of, inlined_routine
+from softlab.model.base.variant import FEATURE, inlined_routine
 from softlab.model.formulas.distance import damping_factor, kicked, predicted, rate
 
 
@@ -76,10 +71,3 @@ def settle(b, p, world, number):
     """Return (x, y, z, vx, vy, vz) after the colliders, from the substep's start b and end p."""
     vx, vy, vz = rate_of(p, b, world.parameters)
     return collide(b, p, vx, vy, vz, world, number)
-
-
-@cache
-def make_motion(real: Real, math: str, parts: frozenset[str], axes: int) -> SimpleNamespace:
-    """Make `predict`, `kick`, `rate_of`, `collide` and `settle`."""
-    variant = device_variant(real, math, features_of(parts) | {"axes": axes})
-    return SimpleNamespace(**{one.__name__: variant(one) for one in (predict, kick, rate_of, collide, settle)})

@@ -4,7 +4,6 @@ contact/particles_project.py: a particle with neighbours copies its velocity whi
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
 
@@ -117,12 +116,6 @@ def bounce(position, old, velocity, neighbour_counts, neighbours, record, body, 
 
 def _variant(real: Real, math: str, self_contact: bool, many: bool, has_rigid: bool) -> Variant:
     return device_variant(real, math, {"self_contact": self_contact, "kinds": many, "rigid_bounce": has_rigid})
-
-
-@cache
-def make_lack(real: Real, math: str, self_contact: bool, many: bool, has_rigid: bool = False) -> Callable:
-    function: Callable = _variant(real, math, self_contact, many, has_rigid)(lack_of)
-    return function
 
 
 @cache

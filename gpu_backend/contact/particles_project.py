@@ -16,12 +16,13 @@ from softlab.gpu_backend.contact.motion import collide as touch
 from softlab.gpu_backend.contact.motion import rate_of, settle
 from softlab.gpu_backend.contact.particles_find import CAPACITY, pair_of
 from softlab.gpu_backend.core.compile import kernel_options, kernels_of, make_kernels, variant_name
+from softlab.gpu_backend.core.forces import particle_features
 from softlab.gpu_backend.core.formulas import device_variant
-from softlab.gpu_backend.core.integers import make_clock
-from softlab.gpu_backend.core.quads import AXES, SIZE, load_quad, store_quad
+from softlab.gpu_backend.core.integers import clock
+from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
 from softlab.gpu_backend.core.world import World
 from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, Open, features_of, filled, inlined_routine, real, routine
+from softlab.model.base.variant import FEATURE, inlined_routine, real, routine
 from softlab.model.contact.particle_parameters import (
     G_ACTIVE,
     G_DISTANCE,
@@ -52,8 +53,6 @@ from softlab.model.formulas.particle_contact import depth as depth_of
 from softlab.model.formulas.particle_contact import pressed as pressed_by
 from softlab.model.formulas.shape_matching.couple import gathered, levered
 from softlab.model.formulas.shape_matching.rigid import carried
-
-clock = Open("clock(counter, place, substeps, substep) -> (step, substep)")
 
 
 @inlined_routine
@@ -269,7 +268,5 @@ def make_project(
 @cache
 def make_contact_ends(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Compile the kernels that end a substep: `finish`, `update_velocity` and `collide`."""
-    timed = {"clock": make_clock(math, parts)}
-    kernels = filled(finish, timed), update_velocity, filled(collide, timed)
-    variant = device_variant(real, math, features_of(parts) | {"axes": AXES})
+    variant, kernels = device_variant(real, math, particle_features(parts)), (finish, update_velocity, collide)
     return kernels_of(variant, math, kernels, f"contact_ends_{variant_name(real, math, parts)}")

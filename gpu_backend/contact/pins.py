@@ -7,7 +7,6 @@ array `body_rows` of model/contact/cloth_parameters.py, where rows of pins follo
 from __future__ import annotations
 
 from functools import cache
-from types import SimpleNamespace
 
 import numpy as np
 from numba import cuda
@@ -17,7 +16,7 @@ from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.quads import load_quad, store_quad
 from softlab.model.base.errors import SceneError
 from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, features_of, inlined_routine, routine
+from softlab.model.base.variant import FEATURE, inlined_routine, routine
 from softlab.model.contact.cloth_parameters import (
     M_DURATION,
     M_SPIN,
@@ -107,13 +106,6 @@ def drive(position, velocity, record, bodies, driven, first, pins, counter, plac
             k = driven[n]
             store_quad(position, k, x, y, z, load_quad(position, k)[3])
             store_quad(velocity, k, vx, vy, vz, 0.0)
-
-
-@cache
-def make_pins(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """Make `follow` and `pin`."""
-    variant = device_variant(real, math, features_of(parts))
-    return SimpleNamespace(follow=variant(follow), pin=variant(pin))
 
 
 @cache

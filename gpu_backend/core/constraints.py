@@ -14,16 +14,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cache
 from itertools import pairwise
-from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 from numba import cuda
 
-from softlab.gpu_backend.core.compile import Kernel, inlined, kernel_options, make_kernel, variant_name
-from softlab.gpu_backend.core.formulas import device_formulas, device_variant
-from softlab.gpu_backend.core.quads import load_quad, make_row, pack, store_quad
+from softlab.gpu_backend.core.compile import Kernel, kernel_options, make_kernel, variant_name
+from softlab.gpu_backend.core.formulas import device_variant
+from softlab.gpu_backend.core.quads import load_quad, pack, row_of, store_quad
 from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, Open, Variant, filled, inlined_routine, routine, unrolled
+from softlab.model.base.variant import FEATURE, Open, filled, inlined_routine, routine, unrolled
 from softlab.model.particles.constraints import ConstraintSet, Projection
 
 
@@ -46,10 +46,9 @@ def device_corners(projection: Projection, corners: np.ndarray, starts: np.ndarr
     return np.concatenate([whole[:-1, :, 0].T.ravel(), whole[-1].ravel()])
 
 
-corners_of = Open("corners_of(corners, count, place): of make_row")
-values_of = Open("values_of(values, count, place): of make_row")
+corners_of = Open("corners_of(corners, count, place): `row_of` a constraint's corners")
+values_of = Open("values_of(values, count, place): `row_of` a constraint's values")
 project_one = Open("project_one(points, old, weights, values, multipliers, constants): of the projection's formulas")
-take = Open("take(...): take_apart or take_around")
 
 
 @inlined_routine
@@ -163,6 +162,15 @@ def take_around(position, before, arrays, fetched, place, apart, count, fresh, c
     store_quad(position, fourth, q[0], q[1], q[2], q[3])
 
 
+@inlined_routine
+def take(position, before, arrays, fetched, place, apart, count, fresh, constants):
+    """Project a run of constraints; arguments as of `take_apart`."""
+    if FEATURE.around:
+        take_around(position, before, arrays, fetched, place, apart, count, fresh, constants)
+    else:
+        take_apart(position, before, arrays, fetched, place, apart, count, fresh, constants)
+
+
 @routine
 def project(position, before, corners, values, multipliers, start, stop, size, fresh, record):
     """Project the colour from place `start` to before `stop` of a set of `size` constraints; positions are quads with
@@ -178,29 +186,15 @@ def project(position, before, corners, values, multipliers, start, stop, size, f
 @cache
 def make_projections(real: Real, math: str, projection: Projection) -> Kernel:
     """Compile `project`."""
-    of_run = make_run(real, math, projection)
-    kernel = _variant(real, math, projection).copied(filled(project, {"fetch": of_run.fetch, "take": of_run.take}))
+    kernel = device_variant(real, math, projection.features).copied(with_projection(project, math, projection))
     return make_kernel(kernel, f"{projection.name}_{variant_name(real, math)}", **kernel_options(math))
 
 
-@cache
-def make_constants(real: Real, math: str, projection: Projection) -> Callable:
-    """Compile `constants_of`."""
-    return _variant(real, math, projection)(constants_of)
+def with_projection(kernel: Callable, math: str, projection: Projection) -> Any:
+    """Return a kernel that calls `fetch` and `take` with what is open in them."""
 
+    def row(numbers: int) -> Callable:
+        return device_variant(np.float32, math, {"numbers": numbers})(row_of)
 
-@cache
-def make_run(real: Real, math: str, projection: Projection) -> SimpleNamespace:
-    """Compile `fetch` and `take`."""
-    variant, inline = _variant(real, math, projection), inlined(math)
-    rows = {"corners_of": make_row(projection.corners, inline), "values_of": make_row(projection.values, inline)}
-    one = device_formulas(projection.formulas, real, math, dict(projection.flags)).project
-    taken = {"moved_quads": filled(moved_quads, {"project_one": one})}
-    return SimpleNamespace(
-        fetch=variant(filled(fetch, rows)),
-        take=variant(filled(take_around if projection.around else take_apart, rows | taken)),
-    )
-
-
-def _variant(real: Real, math: str, projection: Projection) -> Variant:
-    return device_variant(real, math, projection.features)
+    names = {"corners_of": row(projection.corners), "values_of": row(projection.values)}
+    return filled(kernel, names | {"project_one": projection.formulas.project})

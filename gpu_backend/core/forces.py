@@ -6,8 +6,8 @@ over its own, if the scene has a `load`.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -16,16 +16,12 @@ from numba import cuda
 from softlab.gpu_backend.core.compile import Kernel, kernel_options, make_kernel, variant_name
 from softlab.gpu_backend.core.device import DeviceArray
 from softlab.gpu_backend.core.formulas import device_variant
-from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
+from softlab.gpu_backend.core.integers import knows_time
+from softlab.gpu_backend.core.quads import AXES, SIZE, load_quad, store_quad
 from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, Open, features_of, filled, inlined_routine, routine
-from softlab.model.core.own_forces import (
-    PARTICLE_FORCES,
-    accelerated,
-    add,
-    force_flags,
-    particle_forces,
-)
+from softlab.model.base.variant import FEATURE, Open, features_of, filled, inlined_routine, inlined_throughout, routine
+from softlab.model.core import own_forces
+from softlab.model.core.own_forces import PARTICLE_FORCES, accelerated, particle_forces
 from softlab.model.core.plan import StageRun
 from softlab.model.tables.cloth import CONSTRAINT_KINDS
 
@@ -34,7 +30,8 @@ PARTICLE_FORCE_PARTS = frozenset(
 )  # the parts that these functions depend on
 
 
-particle_force = Open("particle_force(a, k, weight, parameters, integers, step): of make_particle_force")
+add = inlined_throughout(own_forces.add)
+particle_force = Open("particle_force(a, k, weight, parameters, integers, step): of `with_forces`")
 
 
 @inlined_routine
@@ -48,6 +45,9 @@ def add_gravity(ax, ay, az, parameters):
 @inlined_routine
 def add_particle_force(ax, ay, az, k, weight, parameters, integers, step):
     """Return an acceleration with all forces on single particles added."""
+    if FEATURE.axes == 2:
+        ax, ay = particle_force((ax, ay), k, weight, parameters, integers, step)
+        return ax, ay, az
     return particle_force((ax, ay, az), k, weight, parameters, integers, step)
 
 
@@ -69,20 +69,14 @@ def force(position, record, integers, step, a):
         store_quad(a, k, ax, ay, az, 0.0)
 
 
-@cache
-def make_forces(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """Compile `add` of model/core/own_forces.py, `add_gravity` and `add_particle_force`."""
-    variant, own = device_variant(real, math, features_of(parts)), make_particle_force(real, math, 3, parts)
-    return SimpleNamespace(
-        add=device_variant(real, math, force_flags(3, parts), inline=True)(add), add_gravity=variant(add_gravity),
-        add_particle_force=variant(filled(add_particle_force, {"particle_force": own})),
-    )  # fmt: skip
+def with_forces(kernel: Callable, parts: frozenset[str]) -> Any:
+    """Return a kernel whose `particle_force` is the sum of the forces on single particles in `parts`."""
+    return filled(kernel, {"particle_force": inlined_throughout(accelerated(parts))})
 
 
-@cache
-def make_particle_force(real: Real, math: str, axes: int, parts: frozenset[str]) -> Any:
-    """Make own(a, k, weight, parameters, integers, step) (model/core/own_forces.py)."""
-    return device_variant(real, math, force_flags(axes, parts), inline=True)(accelerated(parts))
+def particle_features(parts: frozenset[str], axes: int = AXES) -> dict[str, Any]:
+    """Return the features of kernels that move particles: of their forces, their motion, colliders and the clock."""
+    return features_of(parts) | {"axes": axes, "timed": knows_time(parts)}
 
 
 @cache
@@ -91,12 +85,9 @@ def make_force_stages(real: Real, math: str, parts: frozenset[str]) -> dict[str,
     add to the accelerations `a` (quads); the weights are in `position`."""
     stages: dict[str, Any] = {"gravity": gravity}
     for one in particle_forces(parts):
-        own = make_particle_force(real, math, 3, parts & {"load"} | {one.part})
-        stages[one.stage] = filled(force, {"particle_force": own})
-    variant, label = (
-        device_variant(real, math, features_of(parts)),
-        variant_name(real, math, parts & PARTICLE_FORCE_PARTS),
-    )
+        stages[one.stage] = with_forces(force, frozenset({one.part}))
+    variant = device_variant(real, math, particle_features(parts))
+    label = variant_name(real, math, parts & PARTICLE_FORCE_PARTS)
     return {
         name: make_kernel(variant.copied(stage), f"forces_{label}", **kernel_options(math))
         for name, stage in stages.items()

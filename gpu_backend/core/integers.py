@@ -3,12 +3,8 @@ kind."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import cache
-
 import numpy as np
 
-from softlab.gpu_backend.core.formulas import device_variant
 from softlab.model.base.variant import FEATURE, inlined_routine
 from softlab.model.core.own_forces import EXTERNAL_SEED, particle_forces_change
 from softlab.model.scene.scene import Scene
@@ -46,9 +42,3 @@ def clock(counter, place, substeps, substep):
         step = counter[0] + place
         return step, step * substeps + substep
     return np.int64(0), np.int64(0)
-
-
-@cache
-def make_clock(math: str, parts: frozenset[str]) -> Callable:
-    """Compile `clock`."""
-    return device_variant(np.float32, math, {"timed": knows_time(parts)})(clock)

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import cache
-
 import numpy as np
 from numba import cuda
 
 from softlab.gpu_backend.core.blocks import read_flag
-from softlab.gpu_backend.core.formulas import device_variant
 from softlab.model.base.variant import inlined_routine
 
 
@@ -29,9 +25,3 @@ def barrier(flags, wanted):
             cuda.threadfence()
         cuda.syncthreads()
     return np.int32(wanted + np.int32(cuda.gridDim.x))
-
-
-@cache
-def make_barrier(math: str) -> Callable:
-    """Compile `barrier`."""
-    return device_variant(np.float32, math)(barrier)

@@ -13,15 +13,12 @@ from __future__ import annotations
 
 import threading
 import time
-from functools import cache
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 
 from softlab.gpu_backend.core.compile import inlined
 from softlab.gpu_backend.core.device import simulated
-from softlab.gpu_backend.core.formulas import device_variant
 from softlab.model.base.types import Real
 from softlab.model.base.variant import FEATURE, inlined_routine, instruction
 
@@ -193,10 +190,3 @@ def receive(array, index, tag):
     y, of_y = _receive_64(array, first + np.int32(1))
     z, of_z = _receive_64(array, first + np.int32(2))
     return x, y, z, _checked(of_x == tag and of_y == tag and of_z == tag)
-
-
-@cache
-def make_messages(real: Real) -> SimpleNamespace:
-    """Compile `send` and `receive`."""
-    variant = device_variant(real, "exact")
-    return SimpleNamespace(send=variant(send), receive=variant(receive))

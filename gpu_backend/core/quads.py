@@ -4,19 +4,18 @@ A quad is in a flat array of scalars, four per mass. Device memory is aligned to
 requested, so every quad begins at a multiple of 16 bytes; these intrinsics declare that alignment, so that the compiler
 emits vector instructions (core/pairs.py). Under the simulator they are plain indexing.
 
-Rows of any length are read by quads as well (`pack`, `make_row`). The remaining numbers have unsigned indices, since
+Rows of any length are read by quads as well (`pack`, `row_of`). The remaining numbers have unsigned indices, since
 for a signed one compiled code checks whether it is negative, which took half as long as a constraint.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from softlab.gpu_backend.core.device import simulated
-from softlab.model.base.variant import FEATURE, Variant, instruction, routine, unrolled
+from softlab.model.base.variant import FEATURE, inlined_routine, instruction, unrolled
 
 AXES = 3
 ROWS = 3  # quads of a frame
@@ -93,14 +92,14 @@ else:
 
 
 def pack(rows: np.ndarray) -> np.ndarray:
-    """Return rows (count, n) as `make_row` reads them, flat: the first quads of all rows, then the second ones, so that
+    """Return rows (count, n) as `row_of` reads them, flat: the first quads of all rows, then the second ones, so that
     neighbouring threads read neighbouring quads; the remaining numbers of n at the end, column by column."""
     whole = rows.shape[1] // SIZE * SIZE
     quads = rows[:, :whole].reshape(len(rows), -1, SIZE).swapaxes(0, 1)
     return np.concatenate([quads.ravel(), rows[:, whole:].T.ravel()])
 
 
-@routine
+@inlined_routine
 def row_of(packed, count, k):
     """Return the FEATURE.numbers numbers of row k of `count`."""
     quads = tuple(load_quad(packed, np.int32(m * count + k)) for m in unrolled(FEATURE.numbers // SIZE))
@@ -111,8 +110,3 @@ def row_of(packed, count, k):
             for n in unrolled(FEATURE.numbers // SIZE * SIZE, FEATURE.numbers)
         ),
     )
-
-
-def make_row(n: int, inline: Any) -> Callable:
-    """Compile `row_of` for rows of n numbers."""
-    return Variant(np.float32, inline, {"numbers": n})(row_of)

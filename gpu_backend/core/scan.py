@@ -6,7 +6,6 @@ block then sums the chunks' totals, one strip per thread, and all add theirs. In
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
 from typing import Any
@@ -17,7 +16,7 @@ from numba import cuda
 from softlab.gpu_backend.core.compile import kernels_of
 from softlab.gpu_backend.core.device import Stream, simulated
 from softlab.gpu_backend.core.formulas import device_variant
-from softlab.model.base.variant import FEATURE, Variant, routine
+from softlab.model.base.variant import FEATURE, routine
 
 CHUNK = 32 if simulated() else 512  # numbers per block; the simulator runs each thread as a Python thread
 
@@ -91,27 +90,11 @@ def add(starts, sums, cursors):
         cursors[k] = starts[k]
 
 
-def of_integers(threads: int | np.int32) -> Variant:
-    """Return the variant of these functions for blocks of `threads`."""
-    return device_variant(np.float32, "exact", {"threads": int(threads)})
-
-
-@cache
-def make_before(threads: int | np.int32) -> Callable:
-    """Compile `before`."""
-    return of_integers(threads)(before)
-
-
-@cache
-def make_strips(threads: int) -> Callable:
-    """Compile `strips`."""
-    return of_integers(threads)(strips)
-
-
 @cache
 def make_scan() -> SimpleNamespace:
     """Compile the kernels `chunks`, `totals` and `add`."""
-    return kernels_of(of_integers(CHUNK), "exact", (chunks, totals, add), "scan")
+    variant = device_variant(np.float32, "exact", {"threads": CHUNK})
+    return kernels_of(variant, "exact", (chunks, totals, add), "scan")
 
 
 class Scan:

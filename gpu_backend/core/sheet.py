@@ -112,12 +112,6 @@ def write_mesh_normal(position, out, offsets, at_vertex, corners):
 
 
 @cache
-def make_place(math: str) -> Any:
-    """Compile `lattice_place`."""
-    return device_variant(np.float32, math)(lattice_place)
-
-
-@cache
 def make_cloth_tools(real: Any) -> SimpleNamespace:
     """Compile small kernels around the passes: count steps, find bad masses, write positions and normals for
     drawing."""

@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import cache
-from types import SimpleNamespace
-
 import numpy as np
 from numba import cuda
 
-from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.integers import WIND_SEED
 from softlab.gpu_backend.core.quads import load_quad
-from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, features_of, inlined_routine, real
+from softlab.model.base.variant import FEATURE, inlined_routine, real
 from softlab.model.formulas.cloth import gusty, mean
 from softlab.model.formulas.random import philox
 from softlab.model.formulas.wind import GUST_STREAM, gust, gust_interval, stage_time, triangle_wind
@@ -101,16 +95,3 @@ def block_air(parameters, integers, step, offset):
     if FEATURE.wind:
         return air_now(parameters, integers, step, offset)
     return 0.0, 0.0, 0.0
-
-
-@cache
-def make_wind(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """Compile `air_now`, `wind_sum` and `wind_of`."""
-    variant = device_variant(real, math, features_of(parts))
-    return SimpleNamespace(air_now=variant(air_now), wind_sum=variant(wind_sum), wind_of=variant(wind_of))
-
-
-@cache
-def make_block_air(real: Real, math: str, parts: frozenset[str]) -> Callable:
-    """Compile `block_air`."""
-    return device_variant(real, math, features_of(parts))(block_air)

@@ -16,17 +16,16 @@ import numpy as np
 from numba import cuda
 
 from softlab.gpu_backend.core.compile import kernels_of, variant_name
-from softlab.gpu_backend.core.formulas import device_variant
+from softlab.gpu_backend.core.integers import clock
 from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
 from softlab.gpu_backend.core.world import World
 from softlab.gpu_backend.fluid.kernels import WALL, wall_at
-from softlab.gpu_backend.fluid.others import clock, functions_of_others
 from softlab.gpu_backend.fluid.sums import List, pair, row, sum_correction, sum_density
+from softlab.gpu_backend.fluid.variants import fluid_variant
 from softlab.gpu_backend.fluid.walls import walls
 from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, filled, inlined_routine, routine
+from softlab.model.base.variant import FEATURE, inlined_routine, routine
 from softlab.model.fluid.parameters import F_WEIGHT
-from softlab.model.fluid.plan import fluid_features
 from softlab.model.formulas.fluid.density import constraint, moved, slope
 from softlab.model.formulas.fluid.divergence import (
     approach_added,
@@ -129,9 +128,8 @@ def make_targets(real: Real, math: str, parts: frozenset[str], repeats: frozense
     of walls, and the targets of the first solve. `foresee(position, velocity, record, table, neighbour_counts, constraints,
     gradients, targets)`: the targets of the second solve. `world`: bodies, integers, counter, place, substeps, substep.
     """
-    variant = device_variant(real, math, fluid_features(parts, repeats))
-    kernels = filled(survey, functions_of_others(real, math, parts)), foresee
-    return kernels_of(variant, math, kernels, f"fluid_{variant_name(real, math, parts, repeats)}")
+    variant = fluid_variant(real, math, parts, repeats)
+    return kernels_of(variant, math, (survey, foresee), f"fluid_{variant_name(real, math, parts, repeats)}")
 
 
 @cache
@@ -143,5 +141,5 @@ def make_solve(real: Real, math: str, parts: frozenset[str], repeats: frozenset[
     table, neighbour_counts, gradients, before, fluids, turn)`: shifts. `before`: quads whose fourth number is the
     particle's fluid.
     """
-    variant = device_variant(real, math, fluid_features(parts, repeats))
+    variant = fluid_variant(real, math, parts, repeats)
     return kernels_of(variant, math, (relax, push), f"fluid_{variant_name(real, math, parts, repeats)}")

@@ -9,18 +9,19 @@ from types import SimpleNamespace
 import numpy as np
 from numba import cuda
 
+from softlab.gpu_backend.contact.colliders import collide
 from softlab.gpu_backend.core.compile import kernels_of, variant_name
-from softlab.gpu_backend.core.formulas import device_variant
+from softlab.gpu_backend.core.forces import particle_force, with_forces
+from softlab.gpu_backend.core.integers import clock
 from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
 from softlab.gpu_backend.core.world import World
 from softlab.gpu_backend.fluid.motion import SLOWED, limit_change, limit_speed
-from softlab.gpu_backend.fluid.others import clock, collide, functions_of_others, particle_force
 from softlab.gpu_backend.fluid.sums import row
+from softlab.gpu_backend.fluid.variants import fluid_variant
 from softlab.gpu_backend.fluid.walls import settled
 from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, filled, inlined_routine, routine
+from softlab.model.base.variant import FEATURE, inlined_routine, routine
 from softlab.model.fluid.parameters import F_BUOYANCY, F_CHANGE, F_DRAG, F_SPEED, F_SURFACE_DRAG, F_WEIGHT
-from softlab.model.fluid.plan import fluid_features
 from softlab.model.formulas.fluid.divergence import gained
 from softlab.model.formulas.fluid.motion import accelerated, braked, buoyant, drifted, speed_of, wrapped_offset
 
@@ -126,7 +127,6 @@ def make_free_motion(real: Real, math: str, parts: frozenset[str], repeats: froz
     new_position, new_velocity)`. `before`: positions and fluids of particles; `world`: bodies, integers, counter,
     place, substeps, substep.
     """
-    variant = device_variant(real, math, fluid_features(parts, repeats))
-    names = functions_of_others(real, math, parts)
-    kernels = gather, take_up, filled(accelerate, names), filled(move, names)
+    variant = fluid_variant(real, math, parts, repeats)
+    kernels = gather, take_up, with_forces(accelerate, parts), move
     return kernels_of(variant, math, kernels, f"fluid_{variant_name(real, math, parts, repeats)}")

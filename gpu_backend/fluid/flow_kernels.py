@@ -17,12 +17,13 @@ from numba import cuda
 from softlab.gpu_backend.core.compile import kernels_of, variant_name
 from softlab.gpu_backend.core.device import simulated
 from softlab.gpu_backend.core.formulas import device_variant
+from softlab.gpu_backend.core.integers import clock
 from softlab.gpu_backend.core.quads import AXES, load_quad, store_quad
-from softlab.gpu_backend.core.scan import make_before, make_strips
-from softlab.gpu_backend.fluid.others import clock, functions_of_others
-from softlab.gpu_backend.fluid.sort_kernels import ACTIVE_CELLS, before, cell_key, strips
+from softlab.gpu_backend.core.scan import before, strips
+from softlab.gpu_backend.fluid.sort_kernels import ACTIVE_CELLS, cell_key
+from softlab.gpu_backend.fluid.variants import fluid_variant
 from softlab.model.base.types import Real
-from softlab.model.base.variant import filled, inlined_routine, routine
+from softlab.model.base.variant import inlined_routine, routine
 from softlab.model.fluid.flow import (
     E_BEFORE,
     E_COUNT,
@@ -211,8 +212,7 @@ def rest(numbers, sorted_number, neighbour_counts):
 @cache
 def make_flow_kernels(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Compile all kernels of emitters and sinks."""
-    names = functions_of_others(real, math, parts) | {"before": make_before(THREADS), "strips": make_strips(THREADS)}
-    emission = (*(filled(kernel, names) for kernel in (due, rank, totals)), emit, arrive)
-    emits = kernels_of(device_variant(real, math), math, emission, f"fluid_{variant_name(real, math, parts)}")
+    emission, variant = (due, rank, totals, emit, arrive), fluid_variant(real, math, parts, more={"threads": THREADS})
+    emits = kernels_of(variant, math, emission, f"fluid_{variant_name(real, math, parts)}")
     ends = kernels_of(device_variant(real, "exact"), "exact", (take, rest), f"fluid_{variant_name(real)}")
     return SimpleNamespace(**vars(emits), **vars(ends))

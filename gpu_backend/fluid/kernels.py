@@ -20,13 +20,13 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
+from softlab.gpu_backend.contact.colliders import collide
 from softlab.gpu_backend.core.compile import kernel_options, kernels_of, make_kernels, variant_name
-from softlab.gpu_backend.core.formulas import device_variant
+from softlab.gpu_backend.core.integers import clock
 from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
 from softlab.gpu_backend.core.world import World
 from softlab.gpu_backend.fluid.extent import extent
 from softlab.gpu_backend.fluid.lists import LANES, search
-from softlab.gpu_backend.fluid.others import clock, collide, functions_of_others
 from softlab.gpu_backend.fluid.sums import (
     List,
     both_added,
@@ -37,11 +37,11 @@ from softlab.gpu_backend.fluid.sums import (
     sum_factor,
     weights_of,
 )
+from softlab.gpu_backend.fluid.variants import fluid_variant
 from softlab.gpu_backend.fluid.walls import walls
 from softlab.model.base.types import Real
 from softlab.model.base.variant import FEATURE, filled, inlined_routine, routine
 from softlab.model.fluid.parameters import F_WEIGHT
-from softlab.model.fluid.plan import fluid_features
 from softlab.model.formulas.fluid.density import change, change_alone, constraint, moved
 
 WALL = 3  # numbers of a wall's gradient
@@ -202,12 +202,8 @@ def make_density_kernels(
     found; `relaxed`: factors, multipliers, constraints, gradients; `world`: bodies, integers, counter, place, substeps,
     substep.
     """
-    names, features = (
-        functions_of_others(real, math, parts),
-        fluid_features(parts, repeats) | {"neighbours": neighbours},
-    )
-    variant = device_variant(real, math, features)
+    variant = fluid_variant(real, math, parts, repeats, {"neighbours": neighbours})
     label = f"fluid_{variant_name(real, math, parts, repeats)}"
-    searching = kernels_of(variant, math, (find, filled(prepare, names)), label)
-    walking = [variant.copied(filled(kernel, names)) for kernel in (factors, density, correct)]
+    searching = kernels_of(variant, math, (find, prepare), label)
+    walking = map(variant.copied, (factors, density, correct))
     return SimpleNamespace(**vars(searching), **vars(make_kernels(walking, label, **walk_options(real, math))))

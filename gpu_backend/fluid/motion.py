@@ -14,15 +14,18 @@ from types import SimpleNamespace
 import numpy as np
 from numba import cuda
 
+from softlab.gpu_backend.contact.colliders import collide
 from softlab.gpu_backend.core.compile import Kernel, kernels_of, make_kernels, variant_name
+from softlab.gpu_backend.core.forces import particle_force, with_forces
 from softlab.gpu_backend.core.formulas import device_variant
+from softlab.gpu_backend.core.integers import clock
 from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
 from softlab.gpu_backend.core.world import World
 from softlab.gpu_backend.fluid.extent import extent
 from softlab.gpu_backend.fluid.kernels import move, walk_options
-from softlab.gpu_backend.fluid.others import clock, collide, functions_of_others, particle_force
 from softlab.gpu_backend.fluid.sort_kernels import UNBOUNDED, store_box
 from softlab.gpu_backend.fluid.sums import List, row
+from softlab.gpu_backend.fluid.variants import fluid_variant
 from softlab.gpu_backend.fluid.walls import settled
 from softlab.model.base.types import Real
 from softlab.model.base.variant import FEATURE, filled, inlined_routine, routine
@@ -34,7 +37,6 @@ from softlab.model.fluid.parameters import (
     F_SURFACE_DRAG,
     F_WEIGHT,
 )
-from softlab.model.fluid.plan import fluid_features
 from softlab.model.formulas.fluid.impact import after_impact
 from softlab.model.formulas.fluid.motion import (
     accelerated,
@@ -204,10 +206,9 @@ def make_begin(real: Real, math: str, parts: frozenset[str], repeats: frozenset[
     sort_kernels.THREADS. `before` is written if axes are periodic. `particle`: the particles' numbers; `limit` [m]: see
     `bound`. `counts[SLOWED]`: how many particles the speed limit slowed.
     """
-    variant = device_variant(real, math, fluid_features(parts, repeats))
-    names = functions_of_others(real, math, parts) | {"store_box": device_variant(real, "exact")(store_box)}
-    label = f"fluid_{variant_name(real, math, parts, repeats)}"
-    return kernels_of(variant, math, (filled(begin, names),), label).begin
+    variant = fluid_variant(real, math, parts, repeats)
+    kernel = with_forces(filled(begin, {"store_box": device_variant(real, "exact")(store_box)}), parts)
+    return kernels_of(variant, math, (kernel,), f"fluid_{variant_name(real, math, parts, repeats)}").begin
 
 
 @cache
@@ -219,6 +220,5 @@ def make_settle(real: Real, math: str, parts: frozenset[str], repeats: frozenset
     follows; `update(before, predicted_velocity, position, record, multipliers, fluids, *world, new_position,
     new_velocity)`: velocities only; `limit(position, velocity, constraints, record, fluids)`.
     """
-    variant, names = device_variant(real, math, fluid_features(parts, repeats)), functions_of_others(real, math, parts)
-    kernels = [variant.copied(filled(kernel, names)) for kernel in (settle, update, limit)]
+    kernels = map(fluid_variant(real, math, parts, repeats).copied, (settle, update, limit))
     return make_kernels(kernels, f"fluid_{variant_name(real, math, parts, repeats)}", **walk_options(real, math))

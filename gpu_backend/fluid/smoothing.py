@@ -9,15 +9,14 @@ import numpy as np
 from numba import cuda
 
 from softlab.gpu_backend.core.compile import kernels_of, variant_name
-from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.quads import load_quad, store_quad
 from softlab.gpu_backend.fluid.extent import extent
 from softlab.gpu_backend.fluid.motion import limited
 from softlab.gpu_backend.fluid.sums import pair, row
+from softlab.gpu_backend.fluid.variants import fluid_variant
 from softlab.model.base.types import Real
 from softlab.model.base.variant import FEATURE, inlined_routine, routine
 from softlab.model.fluid.parameters import F_COHESION, F_CONFINEMENT, F_TENSION, F_VISCOSITY, F_WEIGHT
-from softlab.model.fluid.plan import fluid_features
 from softlab.model.formulas.fluid.density import gradient_added, near, slope
 from softlab.model.formulas.fluid.motion import (
     confined,
@@ -153,5 +152,5 @@ def make_smoothing(
     lengths. `smooth(position, velocity, record, table, found, constraints, fluids, normals, curls, into)`: velocities
     after all effects of neighbours; with `limits` also the limit.
     """
-    variant = device_variant(real, math, fluid_features(parts, repeats) | {"limits": limits})
+    variant = fluid_variant(real, math, parts, repeats, {"limits": limits})
     return kernels_of(variant, math, (shape, smooth), f"fluid_{variant_name(real, math, parts, repeats)}")

@@ -12,18 +12,19 @@ from types import SimpleNamespace
 import numpy as np
 from numba import cuda
 
+from softlab.gpu_backend.contact.colliders import collide
 from softlab.gpu_backend.core.compile import kernels_of, variant_name
 from softlab.gpu_backend.core.formulas import device_variant
+from softlab.gpu_backend.core.integers import clock
 from softlab.gpu_backend.core.quads import AXES, SIZE, load_quad, store_quad
 from softlab.gpu_backend.core.world import World
 from softlab.gpu_backend.fluid.kernels import relax, wall_at, wall_terms
-from softlab.gpu_backend.fluid.others import clock, collide, functions_of_others
 from softlab.gpu_backend.fluid.sums import List, pair, row
+from softlab.gpu_backend.fluid.variants import fluid_variant
 from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, filled, inlined_routine, routine
+from softlab.model.base.variant import FEATURE, inlined_routine, routine
 from softlab.model.fluid.among_solids import K_GRIP, K_LIGHTNESS, K_VOLUME
 from softlab.model.fluid.parameters import F_VISCOSITY, F_WEIGHT
-from softlab.model.fluid.plan import fluid_features
 from softlab.model.fluid.samples import CORNERS
 from softlab.model.formulas.fluid.density import (
     closeness,
@@ -256,6 +257,5 @@ def make_solid_kernels(real: Real, math: str, parts: frozenset[str]) -> SimpleNa
     fluids, kinds, gradients, rows, *world, shift, into)`. `rows`: of fluids; `relaxed`, `world`: as in
     gpu_backend/fluid/kernels.py; `shift` (samples, 3): shift of each sample.
     """
-    variant, names = device_variant(real, math, fluid_features(parts)), functions_of_others(real, math, parts)
-    kernels = [filled(kernel, names) for kernel in (factors, density, correct)]
-    return kernels_of(variant, math, kernels, f"fluid_solids_{variant_name(real, math, parts)}")
+    variant = fluid_variant(real, math, parts)
+    return kernels_of(variant, math, (factors, density, correct), f"fluid_solids_{variant_name(real, math, parts)}")

@@ -23,9 +23,9 @@ from softlab.gpu_backend.core.compile import kernels_of, variant_name
 from softlab.gpu_backend.core.device import simulated
 from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
-from softlab.gpu_backend.core.scan import make_before, make_strips
+from softlab.gpu_backend.core.scan import before, strips
 from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, Open, filled, inlined_routine, real, routine
+from softlab.model.base.variant import FEATURE, inlined_routine, real, routine
 from softlab.model.fluid.plan import periodic_axes
 from softlab.model.formulas.fluid.cells import cell_of, cells_along, fits, halved
 
@@ -42,9 +42,6 @@ NUMBERS = 8
 LOW, INVERSE = 0, AXES  # reals of the grid, one per axis: the corner [m], cells per metre
 REALS = 2 * AXES
 UNBOUNDED = np.inf  # m
-
-before = Open("before(value): of make_before(THREADS)")
-strips = Open("strips(sums, size): of make_strips(THREADS)")
 
 
 @inlined_routine
@@ -220,9 +217,7 @@ def make_cell_sort(precision: Real, repeats: frozenset[str], flows: bool = False
 
     `repeats`: axes that are periodic; `flows`: particles with the key -1 are left out.
     """
-    variant = device_variant(precision, "exact", periodic_axes(repeats) | {"flow": flows})
-    sums_of_chunks = filled(chunks, {"before": make_before(THREADS)})
-    sums_before = filled(totals, {"strips": make_strips(THREADS)})
-    kernels = bound, span, hash_particles, sums_of_chunks, sums_before, fill, arrange
+    variant = device_variant(precision, "exact", periodic_axes(repeats) | {"flow": flows, "threads": int(THREADS)})
+    kernels = bound, span, hash_particles, chunks, totals, fill, arrange
     label = variant_name(precision, repeats | {"flow"} if flows else repeats)
     return kernels_of(variant, "exact", kernels, f"fluid_cells_{label}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from softlab.gpu_backend.contact.colliders import place_of
 from softlab.gpu_backend.contact.rows import (
     B_RADIUS,
     B_SPIN,
@@ -24,7 +25,6 @@ from softlab.gpu_backend.contact.rows import (
     ROW,
 )
 from softlab.gpu_backend.core.integers import BOXES, CAPSULES, FIELDS, MESHES, PLANES, SPHERES
-from softlab.gpu_backend.fluid.others import place_of
 from softlab.model.base.variant import FEATURE, Open, filled, inlined_routine
 from softlab.model.formulas.cloth import instant
 from softlab.model.formulas.colliders import box, capsule, plane, sphere

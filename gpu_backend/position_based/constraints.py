@@ -6,21 +6,18 @@ both ends of a constraint; no two of a colour share a mass.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import cache
 from typing import Any
 
-from softlab.gpu_backend.core.compile import inlined
 from softlab.gpu_backend.core.quads import load_quad, store_quad
-from softlab.model.base.tuples import reader
-from softlab.model.base.variant import FEATURE, features_of, inlined_routine
-from softlab.model.contact.substep_parameters import CONSTANTS, OF_SHEETS
+from softlab.model.base.variant import FEATURE, features_of, inlined_routine, unrolled
+from softlab.model.contact.substep_parameters import CONSTANTS, NAMES, OF_SHEETS, Constants
 from softlab.model.formulas.distance import damped_change, moved, rigid_change, soft_change
 from softlab.model.formulas.distance import reciprocal as reciprocal_of
 from softlab.model.formulas.lengths import dot, squared_length, squared_length_3d
 from softlab.model.position_based.plan import Family
 
 KINDS = ("structural", "shear", "bending")
+NAMES_OF_SHEETS, SHEETS, NUMBERS = tuple(NAMES[kind] for kind in OF_SHEETS), len(OF_SHEETS), len(CONSTANTS)
 
 
 def dampers(parts: frozenset[str]) -> bool:
@@ -33,13 +30,13 @@ def compliant(parts: frozenset[str], family: Family) -> bool:
     return f"{family.kind}-compliance" in parts
 
 
-@cache
-def make_constants(math: str) -> Callable:
-    """Make constants(parameters): for each of `OF_SHEETS` its `CONSTANTS` by name, read once."""
-    inline = inlined(math)
-    of_kind = [reader(CONSTANTS, inline, f"constraint_{kind}_") for kind in OF_SHEETS]
-    structural, stiff, shear, bending = of_kind
-    return inline(lambda record: (structural(record), stiff(record), shear(record), bending(record)))
+@inlined_routine
+def constants_of(parameters):
+    """Return the constants of each of OF_SHEETS. A loop keeps those in registers, and would read the record again after
+    each barrier."""
+    return tuple(
+        Constants(*tuple(parameters[NAMES_OF_SHEETS[kind][n]] for n in unrolled(NUMBERS))) for kind in unrolled(SHEETS)
+    )
 
 
 def kind_features(parts: frozenset[str], kind: str, axes: int) -> dict[str, Any]:

@@ -13,27 +13,21 @@ from types import SimpleNamespace
 import numpy as np
 from numba import cuda
 
-from softlab.gpu_backend.contact.motion import make_motion
+from softlab.gpu_backend.contact.motion import predict, settle
 from softlab.gpu_backend.core.compile import Kernel, kernels_of, variant_name
+from softlab.gpu_backend.core.forces import particle_features, with_forces
 from softlab.gpu_backend.core.formulas import device_variant
-from softlab.gpu_backend.core.integers import make_clock
+from softlab.gpu_backend.core.integers import clock
 from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
-from softlab.gpu_backend.core.sheet import BLOCK, make_place
-from softlab.gpu_backend.core.wind import make_block_air
+from softlab.gpu_backend.core.sheet import BLOCK, lattice_place
+from softlab.gpu_backend.core.wind import block_air
 from softlab.gpu_backend.core.world import Cell, World
-from softlab.gpu_backend.position_based.constraints import compliant, family_features, make_constants, pair
+from softlab.gpu_backend.position_based.constraints import compliant, constants_of, family_features, pair
 from softlab.gpu_backend.position_based.gather import TWO, arrive, displacement, displacement_of, valence_of, weight_of
-from softlab.gpu_backend.position_based.point import accelerate, accelerations, tether_mass
+from softlab.gpu_backend.position_based.point import accelerate, tether_mass
 from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, Open, features_of, filled, routine
+from softlab.model.base.variant import FEATURE, features_of, filled, routine
 from softlab.model.position_based.plan import Family, families
-
-block_air = Open("block_air(parameters, integers, number, offset) -> the air's velocity [m/s]")
-clock = Open("clock(counter, place, substeps, substep) -> number of the step, of the substep")
-constants_of = Open("constants_of(parameters) -> the constants of each kind of constraints")
-place_of_thread = Open("place_of_thread() -> i, j")
-predict = Open("predict(p, v, ax, ay, az, parameters) -> x, y, z")
-settle = Open("settle(b, p, world, number) -> x, y, z, vx, vy, vz")
 
 
 def compact_shape(family: Family, rows: int, columns: int) -> tuple[int, int]:
@@ -60,7 +54,7 @@ def multiplier_planes(parts: frozenset[str]) -> int:
 def begin(position, velocity, predicted, record, integers, counter, place, substeps, substep, rows, columns):
     """Predict the positions that constraints start from, from the state at the start of the substep."""
     parameters = record[0]
-    i, j = place_of_thread()
+    i, j = lattice_place()
     rows, columns = np.int32(rows), np.int32(columns)
     step, number = clock(counter, place, substeps, substep)
     air = block_air(parameters, integers, number, 0.0)
@@ -78,12 +72,7 @@ def begin(position, velocity, predicted, record, integers, counter, place, subst
 @cache
 def make_begin(real: Real, math: str, parts: frozenset[str], axes: int) -> Kernel:
     """Compile `begin`."""
-    kernel = filled(begin, {
-        **accelerations(real, math, parts), "predict": make_motion(real, math, parts, axes).predict,
-        "clock": make_clock(math, parts), "place_of_thread": make_place(math),
-        "block_air": make_block_air(real, math, parts),
-    })  # fmt: skip
-    variant = device_variant(real, math, features_of(parts))
+    variant, kernel = device_variant(real, math, particle_features(parts, axes)), with_forces(begin, parts)
     return kernels_of(variant, math, [kernel], f"xpbd_{variant_name(real, math, axes, parts)}").begin
 
 
@@ -95,7 +84,7 @@ def project(position, before, multipliers, plane, fresh, record, rows, columns):
     iteration.
     """
     parameters = record[0]
-    i, j = place_of_thread()
+    i, j = lattice_place()
     rows, columns = np.int32(rows), np.int32(columns)
     down, along, colour = np.int32(FEATURE.rows_down), np.int32(FEATURE.columns_along), np.int32(FEATURE.colour)
     if FEATURE.rows_down > 0:
@@ -121,17 +110,16 @@ def make_colour(
     real: Real, math: str, parts: frozenset[str], family: Family, colour: int | np.int32, axes: int
 ) -> Kernel:
     """Compile `project` for a colour of a family."""
-    kernel = filled(project, {"place_of_thread": make_place(math), "constants_of": make_constants(math)})
     variant = device_variant(real, math, family_features(parts, family, int(colour), axes))
     name = f"{family.name}_{colour}_{variant_name(real, math, axes, parts)}"
-    return kernels_of(variant, math, [kernel], f"xpbd_{name}".replace("-", "_")).project
+    return kernels_of(variant, math, [project], f"xpbd_{name}".replace("-", "_")).project
 
 
 @routine
 def project_all(position, before, target, multipliers, fresh, record, rows, columns):
     """Do one Jacobi iteration."""
     parameters = record[0]
-    i, j = place_of_thread()
+    i, j = lattice_place()
     rows, columns = np.int32(rows), np.int32(columns)
     if i < rows and j < columns:
         k, count = np.int32(i * columns + j), np.int64(rows) * columns
@@ -149,10 +137,7 @@ def project_all(position, before, target, multipliers, fresh, record, rows, colu
 @cache
 def make_jacobi(real: Real, math: str, parts: frozenset[str], axes: int) -> Kernel:
     """Compile `project_all`."""
-    kernel = filled(project_all, {
-        "displacement": displacement_of(real, math, parts, axes), "place_of_thread": make_place(math),
-        "constants_of": make_constants(math),
-    })  # fmt: skip
+    kernel = filled(project_all, {"displacement": displacement_of(real, math, parts, axes)})
     variant = device_variant(real, math, features_of(parts) | {"axes": axes, "multipliers": multiplier_planes(parts)})
     return kernels_of(variant, math, [kernel], f"xpbd_{variant_name(real, math, axes, parts)}").project_all
 
@@ -189,9 +174,8 @@ def end(before, position, velocity, record, bodies, integers, counter, place, su
 @cache
 def make_end(real: Real, math: str, parts: frozenset[str], axes: int) -> Kernel:
     """Compile `end`."""
-    names = {"settle": make_motion(real, math, parts, axes).settle, "clock": make_clock(math, parts)}
-    label = f"xpbd_{variant_name(real, math, axes, parts)}"
-    return kernels_of(device_variant(real, math), math, [filled(end, names)], label).end
+    variant = device_variant(real, math, particle_features(parts, axes))
+    return kernels_of(variant, math, [end], f"xpbd_{variant_name(real, math, axes, parts)}").end
 
 
 @routine

@@ -10,18 +10,16 @@ from functools import cache
 import numpy as np
 from numba import cuda
 
-from softlab.gpu_backend.contact.motion import make_motion
+from softlab.gpu_backend.contact.motion import predict
 from softlab.gpu_backend.core.compile import Kernel, kernels_of, variant_name
-from softlab.gpu_backend.core.forces import make_forces
+from softlab.gpu_backend.core.forces import add, add_gravity, add_particle_force, particle_features, with_forces
 from softlab.gpu_backend.core.formulas import device_variant
-from softlab.gpu_backend.core.integers import make_clock
-from softlab.gpu_backend.core.quads import AXES, SIZE, load_quad, store_quad
-from softlab.gpu_backend.core.wind import make_block_air
+from softlab.gpu_backend.core.integers import clock
+from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
+from softlab.gpu_backend.core.wind import block_air
 from softlab.gpu_backend.position_based.gather import ONE, TWO
-from softlab.gpu_backend.position_based.kernels import block_air, clock, predict
-from softlab.gpu_backend.position_based.point import add, add_gravity, add_particle_force
 from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, features_of, filled, inlined_routine, routine
+from softlab.model.base.variant import FEATURE, inlined_routine, routine
 from softlab.model.formulas.cloth import mean
 from softlab.model.formulas.distance import slowed
 from softlab.model.formulas.wind import triangle_wind
@@ -77,12 +75,8 @@ def begin(
 @cache
 def make_mesh_begin(real: Real, math: str, parts: frozenset[str]) -> Kernel:
     """Compile `begin`."""
-    names = {
-        **vars(make_forces(real, math, parts)), "predict": make_motion(real, math, parts, AXES).predict,
-        "clock": make_clock(math, parts), "block_air": make_block_air(real, math, parts),
-    }  # fmt: skip
-    variant, label = device_variant(real, math, features_of(parts)), f"mesh_{variant_name(real, math, parts)}"
-    return kernels_of(variant, math, [filled(begin, names)], label).begin
+    variant, label = device_variant(real, math, particle_features(parts)), f"mesh_{variant_name(real, math, parts)}"
+    return kernels_of(variant, math, [with_forces(begin, parts)], label).begin
 
 
 @routine

@@ -6,21 +6,12 @@ Masses are quads: x, y, z and the weight w, 0 if pinned, 1, or the sheet's mass 
 
 from __future__ import annotations
 
-from functools import cache
-from typing import Any
-
-from softlab.gpu_backend.core.forces import make_forces
+from softlab.gpu_backend.core.forces import add, add_gravity, add_particle_force
 from softlab.gpu_backend.core.quads import load_quad
-from softlab.gpu_backend.core.wind import make_wind
-from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, Open, filled, inlined_routine
+from softlab.gpu_backend.core.wind import wind_sum
+from softlab.model.base.variant import FEATURE, inlined_routine
 from softlab.model.formulas.distance import tether, tethered
 from softlab.model.formulas.lengths import squared_length_3d
-
-add = Open("add(a, weight, force) -> a [m/s^2]")
-add_gravity = Open("add_gravity(ax, ay, az, parameters) -> a [m/s^2]")
-add_particle_force = Open("add_particle_force(ax, ay, az, k, weight, parameters, integers, step) -> a [m/s^2]")
-wind_sum = Open("wind_sum(position, velocity, k, cell, p, v, parameters, air) -> wind over mass [m/s^2]")
 
 
 @inlined_routine
@@ -38,14 +29,6 @@ def accelerate(position, velocity, k, cell, p, v, parameters, integers, step, ai
     a = add_gravity(0.0, 0.0, 0.0, parameters)
     ax, ay, az = add_wind(a, position, velocity, k, cell, p, v, parameters, air)
     return add_particle_force(ax, ay, az, k, p[3], parameters, integers, step)
-
-
-@cache
-def accelerations(real: Real, math: str, parts: frozenset[str]) -> dict[str, Any]:
-    """Return `add_wind` and `accelerate` with the forces of a scene, by name."""
-    forces = vars(make_forces(real, math, parts))
-    wind = filled(add_wind, {**forces, "wind_sum": make_wind(real, math, parts).wind_sum})
-    return {"add_wind": wind, "accelerate": filled(accelerate, {**forces, "add_wind": wind})}
 
 
 @inlined_routine

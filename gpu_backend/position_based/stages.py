@@ -9,21 +9,19 @@ from types import SimpleNamespace
 import numpy as np
 from numba import cuda
 
-from softlab.gpu_backend.contact.motion import make_motion
+from softlab.gpu_backend.contact.motion import collide as collide_mass
+from softlab.gpu_backend.contact.motion import predict as predict_mass
+from softlab.gpu_backend.contact.motion import rate_of
 from softlab.gpu_backend.core.compile import kernels_of, variant_name
+from softlab.gpu_backend.core.forces import particle_features
 from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
-from softlab.gpu_backend.core.wind import make_block_air
+from softlab.gpu_backend.core.wind import block_air
 from softlab.gpu_backend.core.world import Cell, World
 from softlab.gpu_backend.position_based.gather import valence_of, weight_of
-from softlab.gpu_backend.position_based.kernels import block_air
-from softlab.gpu_backend.position_based.point import accelerations, add_wind
+from softlab.gpu_backend.position_based.point import add_wind
 from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, Open, features_of, filled, routine
-
-collide_mass = Open("collide_mass(b, p, vx, vy, vz, world, number) -> x, y, z, vx, vy, vz")
-predict_mass = Open("predict_mass(p, v, ax, ay, az, parameters) -> x, y, z")
-rate_of = Open("rate_of(p, b, parameters) -> vx, vy, vz")
+from softlab.model.base.variant import FEATURE, routine
 
 
 @routine
@@ -81,11 +79,8 @@ def collide(before, position, velocity, record, bodies, integers, number):
 @cache
 def make_xpbd_stages(real: Real, math: str, parts: frozenset[str], axes: int) -> SimpleNamespace:
     """Compile the stages of single masses: wind, prediction, velocity, colliders. core/forces.py has other forces."""
-    motion = make_motion(real, math, parts, axes)
-    names = {
-        **accelerations(real, math, parts), "block_air": make_block_air(real, math, parts),
-        "predict_mass": motion.predict, "rate_of": motion.rate_of, "collide_mass": motion.collide,
-    }  # fmt: skip
-    kernels = [filled(kernel, names) for kernel in (wind, predict, update_velocity, collide)]
-    variant = device_variant(real, math, features_of(parts))
+    variant, kernels = (
+        device_variant(real, math, particle_features(parts, axes)),
+        (wind, predict, update_velocity, collide),
+    )
     return kernels_of(variant, math, kernels, f"xpbd_{variant_name(real, math, axes, parts)}")

@@ -8,18 +8,15 @@ from types import SimpleNamespace
 import numpy as np
 from numba import cuda
 
-from softlab.gpu_backend.contact.motion import make_motion
+from softlab.gpu_backend.contact.motion import collide, rate_of
 from softlab.gpu_backend.core.compile import kernels_of, variant_name
+from softlab.gpu_backend.core.forces import particle_features
 from softlab.gpu_backend.core.formulas import device_variant
-from softlab.gpu_backend.core.integers import make_clock
-from softlab.gpu_backend.core.quads import AXES, SIZE, load_quad, store_quad
+from softlab.gpu_backend.core.integers import clock
+from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
 from softlab.gpu_backend.core.world import World
-from softlab.gpu_backend.position_based.kernels import clock
 from softlab.model.base.types import Real
-from softlab.model.base.variant import Open, filled, routine
-
-collide = Open("collide(b, p, vx, vy, vz, world, number) -> x, y, z, vx, vy, vz")
-rate_of = Open("rate_of(p, b, parameters) -> vx, vy, vz")
+from softlab.model.base.variant import routine
 
 
 @routine
@@ -56,7 +53,5 @@ def release(position, pushes):
 @cache
 def make_touching(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Compile `touch` and `release`."""
-    motion = make_motion(real, math, parts - {"restitution"}, AXES)  # velocities are the end's
-    names = {"rate_of": motion.rate_of, "collide": motion.collide, "clock": make_clock(math, parts)}
-    label = f"touching_{variant_name(real, math, parts)}"
-    return kernels_of(device_variant(real, math), math, [filled(touch, names), release], label)
+    variant = device_variant(real, math, particle_features(parts - {"restitution"}))  # velocities are the end's
+    return kernels_of(variant, math, (touch, release), f"touching_{variant_name(real, math, parts)}")

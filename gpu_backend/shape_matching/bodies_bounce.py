@@ -9,21 +9,19 @@ from types import SimpleNamespace
 import numpy as np
 from numba import cuda
 
-from softlab.gpu_backend.contact.particles_bounce import make_lack
+from softlab.gpu_backend.contact.particles_bounce import lack_of
 from softlab.gpu_backend.core.compile import Kernel, kernel_options, kernels_of, make_kernel, variant_name
 from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.quads import ROWS, SIZE, load_quad, store_quad
 from softlab.gpu_backend.shape_matching.kernels import ONE
 from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, Open, filled, routine
+from softlab.model.base.variant import FEATURE, routine
 from softlab.model.contact.particle_parameters import H_INVERSE_SUBSTEP, H_RESTITUTION, MAX_NEIGHBOURS
 from softlab.model.formulas.particle_contact import impulse as impulse_of
 from softlab.model.formulas.particle_contact import impulse_added, moved, split
 from softlab.model.formulas.shape_matching.rebound import joined, rigid, scaled, shared, squared, wanted
 
 MOST = np.int32(MAX_NEIGHBOURS)
-
-lack_of = Open("lack_of(i, j, (p, o, v), w, position, old, record, bodies, travel, pressed) -> missing speed, normal")
 
 
 @routine
@@ -103,10 +101,10 @@ def join(position, velocity, impulses, particle_starts, particle_clusters, limit
 def make_give(real: Real, math: str, self_contact: bool, many: bool, scaled: bool) -> Kernel:
     """Compile give(position, old, velocity, neighbour_counts, neighbours, record, body, kind, kinds, touching, travel,
     pressed, scales, impulses)."""
-    kernel = filled(give, {"lack_of": make_lack(real, math, self_contact, many, True)})
+    features = {"self_contact": self_contact, "kinds": many, "rigid_bounce": True, "scaled": scaled}
     name = variant_name(real, math, f"own{self_contact:d}", f"many{many:d}", f"scaled{scaled:d}")
-    copied = device_variant(real, math, {"scaled": scaled}).copied(kernel)
-    return make_kernel(copied, f"bodies_bounce_{name}", **kernel_options(math))
+    kernel = device_variant(real, math, features).copied(give)
+    return make_kernel(kernel, f"bodies_bounce_{name}", **kernel_options(math))
 
 
 @cache

@@ -10,11 +10,12 @@ from types import SimpleNamespace
 import numpy as np
 from numba import cuda
 
-from softlab.gpu_backend.contact.motion import make_motion
+from softlab.gpu_backend.contact.motion import collide, rate_of
 from softlab.gpu_backend.core.compile import Kernel, kernel_options, kernels_of, make_kernel, variant_name
+from softlab.gpu_backend.core.forces import particle_features
 from softlab.gpu_backend.core.formulas import device_variant
-from softlab.gpu_backend.core.integers import make_clock
-from softlab.gpu_backend.core.quads import AXES, ROWS, SIZE, load_quad, store_quad
+from softlab.gpu_backend.core.integers import clock
+from softlab.gpu_backend.core.quads import ROWS, SIZE, load_quad, store_quad
 from softlab.gpu_backend.core.world import World
 from softlab.gpu_backend.shape_matching.kernels import (
     LANES_32,
@@ -22,19 +23,15 @@ from softlab.gpu_backend.shape_matching.kernels import (
     PITCH,
     PITCH_32,
     TOGETHER,
-    clock,
     lane_sum,
     move_mass,
 )
 from softlab.model.base.types import Real
-from softlab.model.base.variant import Open, filled, inlined_routine, real, routine
+from softlab.model.base.variant import inlined_routine, real, routine
 from softlab.model.formulas.shape_matching.pace import MOMENTA, added, cross_added, motion, slowed, weighted
 
 SHARED = TOGETHER * MOMENTA * PITCH  # numbers per block
 MOMENTA_32 = np.int32(MOMENTA)
-
-rate_of = Open("rate_of(p, b, parameters) -> velocity from b to p")
-collide = Open("collide(b, p, vx, vy, vz, world, number) -> position and velocity after colliders")
 
 
 @routine
@@ -155,7 +152,5 @@ def make_gather(real: Real, math: str) -> Kernel:
 @cache
 def make_damping_ends(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Compile the kernels that end a substep with damped clusters, before and after `gather`: `rate`, `slow`, `finish`."""
-    points = make_motion(real, math, parts, AXES)
-    names = {"rate_of": points.rate_of, "collide": points.collide, "clock": make_clock(math, parts)}
-    kernels = filled(rate, names), slow, filled(finish, names)
-    return kernels_of(device_variant(real, math), math, kernels, f"bodies_damping_{variant_name(real, math, parts)}")
+    variant = device_variant(real, math, particle_features(parts))
+    return kernels_of(variant, math, (rate, slow, finish), f"bodies_damping_{variant_name(real, math, parts)}")

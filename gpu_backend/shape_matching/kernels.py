@@ -13,15 +13,15 @@ from types import SimpleNamespace
 import numpy as np
 from numba import cuda
 
-from softlab.gpu_backend.contact.motion import make_motion
+from softlab.gpu_backend.contact.motion import predict, settle
 from softlab.gpu_backend.core.compile import kernels_of, variant_name
-from softlab.gpu_backend.core.forces import make_forces
+from softlab.gpu_backend.core.forces import add_gravity, add_particle_force, particle_features, with_forces
 from softlab.gpu_backend.core.formulas import device_variant
-from softlab.gpu_backend.core.integers import make_clock
-from softlab.gpu_backend.core.quads import AXES, ROWS, SIZE, load_quad, store_quad
+from softlab.gpu_backend.core.integers import clock
+from softlab.gpu_backend.core.quads import ROWS, SIZE, load_quad, store_quad
 from softlab.gpu_backend.core.world import World
 from softlab.model.base.types import Real
-from softlab.model.base.variant import Open, filled, inlined_routine, real, routine
+from softlab.model.base.variant import inlined_routine, real, routine
 from softlab.model.formulas.rotation import matrix_of, rotation_3d
 from softlab.model.formulas.shape_matching.cluster import (
     LANES,
@@ -42,12 +42,6 @@ PITCH = LANES + 1  # of a moment's lanes in shared memory, so that threads read 
 SHARED = TOGETHER * MOMENTS * PITCH  # numbers per block
 ONE, LANES_32, MOMENTS_32, PITCH_32 = np.int32(1), np.int32(LANES), np.int32(MOMENTS), np.int32(PITCH)
 NO_STEP = np.int64(0)  # no force on bodies depends on it
-
-clock = Open("clock(counter, place, substeps, substep) -> (step, number of the substep)")
-add_gravity = Open("add_gravity(ax, ay, az, parameters) -> acceleration")
-add_particle_force = Open("add_particle_force(ax, ay, az, k, weight, parameters, integers, step) -> acceleration")
-predict = Open("predict(p, v, ax, ay, az, parameters) -> position")
-settle = Open("settle(b, p, world, number) -> position and velocity after colliders")
 
 
 @inlined_routine
@@ -184,10 +178,5 @@ def make_bodies_clusters(real: Real, math: str) -> SimpleNamespace:
 @cache
 def make_bodies_ends(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Compile `begin` and `finish`, start and end of a substep."""
-    forces, motion = make_forces(real, math, parts), make_motion(real, math, parts, AXES)
-    names = {
-        "add_gravity": forces.add_gravity, "add_particle_force": forces.add_particle_force, "predict": motion.predict,
-        "settle": motion.settle, "clock": make_clock(math, parts),
-    }  # fmt: skip
-    kernels = filled(begin, names), filled(finish, names)
-    return kernels_of(device_variant(real, math), math, kernels, f"bodies_{variant_name(real, math, parts)}")
+    variant, kernels = device_variant(real, math, particle_features(parts)), (with_forces(begin, parts), finish)
+    return kernels_of(variant, math, kernels, f"bodies_{variant_name(real, math, parts)}")

@@ -16,10 +16,10 @@ from softlab.gpu_backend.core.compile import kernels_of, variant_name
 from softlab.gpu_backend.core.device import DeviceArray, Stream
 from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
-from softlab.gpu_backend.core.sheet import make_place
+from softlab.gpu_backend.core.sheet import lattice_place
 from softlab.model.assets.lattice import matching_axis
 from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, Open, filled, inlined_routine, real, routine
+from softlab.model.base.variant import FEATURE, inlined_routine, real, routine
 from softlab.model.formulas.shape_matching.grid import (
     added_goal,
     added_goal_row,
@@ -33,8 +33,6 @@ from softlab.model.scene.scene import Scene
 
 WEIGHT, INVERSE, CENTRE, MASS, COUNT = range(5)  # of a table (5, rows or columns), model/shape_matching/matching.py
 ONE = np.int32(1)
-
-lattice_place = Open("lattice_place() -> (row, column) of a thread")
 
 
 @inlined_routine
@@ -111,9 +109,8 @@ def move(position, target, clusters, row_table, table, record, rows, columns):
 def make_matching(real: Real, math: str, region: int) -> SimpleNamespace:
     """Compile `match(position, clusters, row_table, column_table, rows, columns)` and `move(position, target, clusters,
     row_table, column_table, record, rows, columns)`."""
-    variant, names = device_variant(real, math, {"region": region}), {"lattice_place": make_place(math)}
-    kernels = filled(match, names), filled(move, names)
-    return kernels_of(variant, math, kernels, f"matching_{variant_name(real, math, region)}")
+    variant = device_variant(real, math, {"region": region})
+    return kernels_of(variant, math, (match, move), f"matching_{variant_name(real, math, region)}")
 
 
 class Matching:

@@ -11,15 +11,16 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from softlab.gpu_backend.contact.motion import make_motion
+from softlab.gpu_backend.contact.motion import collide
 from softlab.gpu_backend.core.compile import Kernel, kernel_options, kernels_of, make_kernel, variant_name
 from softlab.gpu_backend.core.device import Arguments, DeviceArray, Stream
+from softlab.gpu_backend.core.forces import particle_features
 from softlab.gpu_backend.core.formulas import device_variant
-from softlab.gpu_backend.core.integers import make_clock
-from softlab.gpu_backend.core.quads import AXES, ROWS, SIZE, load_quad, store_quad
+from softlab.gpu_backend.core.integers import clock
+from softlab.gpu_backend.core.quads import ROWS, SIZE, load_quad, store_quad
 from softlab.gpu_backend.core.world import World
 from softlab.gpu_backend.shape_matching.bodies_bounce import make_bodies_bounce, make_give
-from softlab.gpu_backend.shape_matching.damping import collide, make_gather
+from softlab.gpu_backend.shape_matching.damping import make_gather
 from softlab.gpu_backend.shape_matching.kernels import (
     LANES_32,
     ONE,
@@ -27,12 +28,11 @@ from softlab.gpu_backend.shape_matching.kernels import (
     PITCH_32,
     THREADS,
     TOGETHER,
-    clock,
     lane_sum,
 )
 from softlab.model.assets.clusters import Clusters
 from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, filled, real, routine
+from softlab.model.base.variant import FEATURE, real, routine
 from softlab.model.formulas.shape_matching.rebound import (
     SUMS,
     bound,
@@ -148,8 +148,7 @@ def make_rebound(real: Real, math: str, has_contacts: bool = False) -> SimpleNam
 def make_collide_rebound(real: Real, math: str, parts: frozenset[str]) -> Kernel:
     """Compile store_impulses(before, position, velocity, impulses, record, bodies, integers, counter, place, substeps,
     substep)."""
-    names = {"collide": make_motion(real, math, parts, AXES).collide, "clock": make_clock(math, parts)}
-    kernel = device_variant(real, math).copied(filled(store_impulses, names))
+    kernel = device_variant(real, math, particle_features(parts)).copied(store_impulses)
     return make_kernel(kernel, f"bodies_rebound_{variant_name(real, math, parts)}", **kernel_options(math))
 
 

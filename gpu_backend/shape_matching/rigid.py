@@ -12,35 +12,31 @@ from types import SimpleNamespace
 import numpy as np
 from numba import cuda
 
-from softlab.gpu_backend.contact.motion import make_motion
+from softlab.gpu_backend.contact.motion import kick, rate_of
+from softlab.gpu_backend.contact.motion import predict as predict_position
 from softlab.gpu_backend.core.compile import kernels_of, variant_name
 from softlab.gpu_backend.core.device import Arguments, DeviceArray, Stream
-from softlab.gpu_backend.core.forces import make_forces
+from softlab.gpu_backend.core.forces import add_gravity, add_particle_force, particle_features, with_forces
 from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.quads import AXES, ROWS, SIZE, load_quad, pack, store_quad
-from softlab.gpu_backend.shape_matching.damping import make_gather, rate_of
+from softlab.gpu_backend.shape_matching.damping import make_gather
 from softlab.gpu_backend.shape_matching.kernels import (
     LANES_32,
     NO_STEP,
     ONE,
     THREADS,
     TOGETHER,
-    add_gravity,
-    add_particle_force,
     displacement_to_goals,
 )
 from softlab.model.assets.clusters import Clusters, whole_clusters
 from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, Open, features_of, filled, inlined_routine, routine
+from softlab.model.base.variant import FEATURE, inlined_routine, routine
 from softlab.model.contact.particle_parameters import H_ASLEEP, H_FASTEST
 from softlab.model.formulas.particle_contact import far, rested, shortened
 from softlab.model.formulas.shape_matching.cluster import LANES
 from softlab.model.formulas.shape_matching.rebound import rigid as of_body
 from softlab.model.formulas.shape_matching.rigid import carried, rate_over, settled, travelled
 from softlab.model.shape_matching.rigid_motion import goal_slack
-
-predict_position = Open("predict_position(p, v, ax, ay, az, parameters) -> position")
-kick = Open("kick(p, v, ax, ay, az, parameters) -> velocity of a prediction")
 
 
 @inlined_routine
@@ -191,21 +187,17 @@ def rest(before, position, velocity, starts, indices, whole):
 def make_begin(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Compile `begin(position, velocity, predicted, record, integers, travel)` and `predict(before, velocity, a, position,
     record, travel)`."""
-    forces, motion = make_forces(real, math, parts), make_motion(real, math, parts, AXES)
-    names = {
-        "add_gravity": forces.add_gravity, "add_particle_force": forces.add_particle_force,
-        "predict_position": motion.predict, "kick": motion.kick,
-    }  # fmt: skip
-    kernels, label = (filled(begin, names), filled(predict, names)), f"bodies_rigid_{variant_name(real, math, parts)}"
-    return kernels_of(device_variant(real, math), math, kernels, label)
+    variant, kernels = device_variant(real, math, particle_features(parts)), (with_forces(begin, parts), predict)
+    return kernels_of(variant, math, kernels, f"bodies_rigid_{variant_name(real, math, parts)}")
 
 
 @cache
 def make_ends(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Compile `move`, `rate`, `update`, `update_calmed`, `rest` and `steady`."""
-    names = {"rate_of": make_motion(real, math, parts, AXES).rate_of}
-    variant = device_variant(real, math, features_of(parts & {"pins", "speed-limit", "sleeping"}))
-    kernels = move, *(filled(kernel, names) for kernel in (rate, update, update_calmed)), rest, steady
+    variant, kernels = (
+        device_variant(real, math, particle_features(parts)),
+        (move, rate, update, update_calmed, rest, steady),
+    )
     return kernels_of(variant, math, kernels, f"bodies_rigid_{variant_name(real, math, parts)}")
 
 

@@ -12,24 +12,22 @@ from types import SimpleNamespace
 import numpy as np
 from numba import cuda
 
-from softlab.gpu_backend.contact.colliders import make_collide
+from softlab.gpu_backend.contact.colliders import collide
 from softlab.gpu_backend.core.compile import Kernel, kernel_options, kernels_of, make_kernel, variant_name
 from softlab.gpu_backend.core.formulas import device_variant
-from softlab.gpu_backend.core.integers import make_clock
+from softlab.gpu_backend.core.integers import clock, knows_time
 from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
 from softlab.gpu_backend.core.world import World
 from softlab.gpu_backend.tetrahedra.descent_contact import add_contact
 from softlab.gpu_backend.tetrahedra.springs import pulled, xyz
 from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, Open, filled, inlined_routine, routine
+from softlab.model.base.variant import FEATURE, filled, inlined_routine, routine
 from softlab.model.formulas.elastic.chebyshev import beyond
 from softlab.model.formulas.elastic.descent import STRAINS, SUMS, added, coasted, element, initial_strain, moved
 from softlab.model.tetrahedra.descent import RATE, SCALE
 from softlab.model.tetrahedra.springs import SpringArrays, kernel_features
 
 NO_STRAINS, NO_SUMS = (0.0,) * STRAINS, (0.0,) * SUMS
-
-clock = Open("clock(counter, place, substeps, substep) -> (step, substep)")
 
 
 @routine
@@ -151,7 +149,6 @@ def make_accelerate(real: Real, math: str) -> Kernel:
 @cache
 def make_visits(real: Real, math: str, material: int, damped: bool, parts: frozenset[str]) -> SimpleNamespace:
     """Compile `remember`, `start` and `descend`."""
-    variant = device_variant(real, math, kernel_features(parts) | {"material": material, "damped": damped})
-    names = {"touch": make_collide(real, math, parts), "clock": make_clock(math, parts)}
-    kernels = remember, start, filled(descend, names)
+    features = kernel_features(parts) | {"material": material, "damped": damped, "timed": knows_time(parts)}
+    variant, kernels = device_variant(real, math, features), (remember, start, filled(descend, {"touch": collide}))
     return kernels_of(variant, math, kernels, f"descent_{variant_name(real, math)}")

@@ -14,15 +14,12 @@ from functools import cache
 import numpy as np
 from numba import cuda
 
-from softlab.gpu_backend.contact.colliders import make_collide
-from softlab.gpu_backend.contact.motion import make_motion
-from softlab.gpu_backend.contact.pins import make_pins
+from softlab.gpu_backend.contact.colliders import collide
 from softlab.gpu_backend.core.compile import Kernel, kernel_options, make_kernel, variant_name
-from softlab.gpu_backend.core.forces import make_forces
+from softlab.gpu_backend.core.forces import particle_features, with_forces
 from softlab.gpu_backend.core.formulas import device_variant
-from softlab.gpu_backend.core.integers import knows_time
-from softlab.gpu_backend.core.meeting import make_barrier
-from softlab.gpu_backend.core.quads import AXES, SIZE
+from softlab.gpu_backend.core.meeting import barrier
+from softlab.gpu_backend.core.quads import SIZE
 from softlab.gpu_backend.core.world import World
 from softlab.gpu_backend.tetrahedra.newton_arrays import Coarse, Solver, Vectors
 from softlab.gpu_backend.tetrahedra.newton_passes import (
@@ -149,7 +146,6 @@ def sum_up(kind, solver, shared, parts):
     return first, second
 
 
-barrier = Open("barrier(flags, wanted) -> wanted: all blocks wait for each other")
 after = Open("after(...), of model/formulas/elastic/newton.py, in exact math")
 
 
@@ -224,16 +220,12 @@ def newton_steps(
 @cache
 def make_newton(real: Real, math: str, parts: frozenset[str]) -> Kernel:
     """Compile `newton_steps`."""
-    forces, motion = make_forces(real, math, parts), make_motion(real, math, parts, AXES)
     names = {
-        "add_gravity": forces.add_gravity, "add_particle_force": forces.add_particle_force,
-        "predict": motion.predict, "rate_of": motion.rate_of, "collide": motion.collide,
-        "touch": make_collide(real, math, parts - {FRICTION_IN_PLACE}),
-        "follow": make_pins(real, math, frozenset({"motion"})).follow, "barrier": make_barrier(math),
+        "touch": device_variant(real, math, particle_features(parts - {FRICTION_IN_PLACE}))(collide),
         # always decided in exact math: the energy of a distant trial may be NaN, which fast math treats as a number
         "after": device_variant(real, "exact")(newton.after),
     }  # fmt: skip
-    features = kernel_features(parts) | {"fast": math != "exact", "timed": knows_time(parts)}
-    kernel = device_variant(real, math, features).copied(filled(newton_steps, names))
+    features = particle_features(parts) | kernel_features(parts) | {"fast": math != "exact"}
+    kernel = device_variant(real, math, features).copied(with_forces(filled(newton_steps, names), parts))
     label = f"newton_{variant_name(real, math, parts)}"
     return make_kernel(kernel, label, launch_bounds=(THREADS, 1), **kernel_options(math))

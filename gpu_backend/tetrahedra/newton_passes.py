@@ -6,6 +6,8 @@ from __future__ import annotations
 import numpy as np
 from numba import cuda
 
+from softlab.gpu_backend.contact.motion import collide, predict, rate_of
+from softlab.gpu_backend.core.forces import add_gravity, add_particle_force
 from softlab.gpu_backend.core.quads import load_quad, store_quad
 from softlab.gpu_backend.tetrahedra.newton_coarse import centre, corrected, couple, factor, restrict
 from softlab.gpu_backend.tetrahedra.newton_coarse import solve as solve_body
@@ -15,7 +17,7 @@ from softlab.gpu_backend.tetrahedra.newton_pins import driven
 from softlab.gpu_backend.tetrahedra.newton_quick import advance, correct, invert, product
 from softlab.gpu_backend.tetrahedra.newton_rows import block_of, move, settle_row, solve, weigh
 from softlab.gpu_backend.tetrahedra.newton_sums import TEAM, UNIT, add_groups
-from softlab.model.base.variant import FEATURE, Open, inlined_routine
+from softlab.model.base.variant import FEATURE, inlined_routine
 from softlab.model.formulas.distance import slowed
 from softlab.model.formulas.elastic.newton import (
     BEGIN,
@@ -37,12 +39,6 @@ from softlab.model.formulas.elastic.stages import ahead
 from softlab.model.tetrahedra.newton import SUMMED
 
 FACTOR, INVERT, BACK = range(len(KINDS), len(KINDS) + 3)  # passes after `coarse rows` and `restrict`, before the next
-
-add_gravity = Open("add_gravity(ax, ay, az, parameters) -> (ax, ay, az)")
-add_particle_force = Open("add_particle_force(ax, ay, az, k, weight, parameters, integers, step) -> (ax, ay, az)")
-predict = Open("predict(p, v, ax, ay, az, parameters) -> (x, y, z)")
-rate_of = Open("rate_of(p, before, parameters) -> (vx, vy, vz)")
-collide = Open("collide(before, p, vx, vy, vz, world, number) -> (x, y, z, vx, vy, vz)")
 
 
 @inlined_routine

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from softlab.model.base.variant import Open, inlined_routine
+from softlab.gpu_backend.contact.pins import follow
+from softlab.model.base.variant import inlined_routine
 from softlab.model.contact.cloth_parameters import P_MOTION
 from softlab.model.formulas.cloth import instant
-
-follow = Open("follow(colliders, pin, time) -> (x, y, z, vx, vy, vz) of a pin that follows a motion")
 
 
 @inlined_routine

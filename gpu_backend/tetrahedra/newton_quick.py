@@ -19,7 +19,7 @@ from softlab.gpu_backend.tetrahedra.newton_elements import load_block, load_six
 from softlab.gpu_backend.tetrahedra.newton_sums import TEAM, of_block, of_four, of_team, put, slots, synchronize_team
 from softlab.model.base.variant import inlined_routine
 from softlab.model.formulas.elastic.coarse import moment, motion
-from softlab.model.formulas.elastic.descent import times
+from softlab.model.formulas.elastic.deformation import times
 from softlab.model.formulas.elastic.newton import SOLVE, moved
 from softlab.model.formulas.elastic.solving import dot, preconditioned
 from softlab.model.tetrahedra.aggregates import MODES, MOST

@@ -13,7 +13,7 @@ from softlab.gpu_backend.tetrahedra.newton_contact import nearly_within, within
 from softlab.gpu_backend.tetrahedra.newton_elements import added, load_block, load_six, store_block, transposed
 from softlab.gpu_backend.tetrahedra.springs import pulled
 from softlab.model.base.variant import FEATURE, inlined_routine
-from softlab.model.formulas.elastic.descent import times
+from softlab.model.formulas.elastic.deformation import times
 from softlab.model.formulas.elastic.newton import (
     AHEAD,
     CORRECT,

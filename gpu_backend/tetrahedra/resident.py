@@ -23,18 +23,17 @@ from functools import cache
 import numpy as np
 from numba import cuda
 
-from softlab.gpu_backend.contact.motion import make_motion
+from softlab.gpu_backend.contact.motion import predict, settle
 from softlab.gpu_backend.core.blocks import PATIENCE, raise_flag, read_flag
 from softlab.gpu_backend.core.compile import Kernel, kernel_options, make_kernel, variant_name
-from softlab.gpu_backend.core.constraints import make_constants, make_run
+from softlab.gpu_backend.core.constraints import constants_of, fetch, take, with_projection
 from softlab.gpu_backend.core.device import ALIGNMENT, simulated
-from softlab.gpu_backend.core.forces import make_forces
+from softlab.gpu_backend.core.forces import add_gravity, add_particle_force, particle_features, with_forces
 from softlab.gpu_backend.core.formulas import device_variant
-from softlab.gpu_backend.core.integers import make_clock
-from softlab.gpu_backend.core.messages import make_messages
-from softlab.gpu_backend.core.quads import AXES, SIZE, load_quad, store_quad
+from softlab.gpu_backend.core.integers import clock
+from softlab.gpu_backend.core.messages import receive, send
+from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
 from softlab.gpu_backend.core.world import World
-from softlab.gpu_backend.tetrahedra.newton_passes import add_gravity, add_particle_force, predict
 from softlab.gpu_backend.tetrahedra.slabs import (
     ALL,
     BORDER_AFTER,
@@ -51,13 +50,6 @@ from softlab.model.base.variant import FEATURE, Open, filled, inlined_routine, r
 from softlab.model.particles.constraints import Projection
 
 scalar = Open("type of the numbers in shared memory")
-send = Open("send(messages, index, x, y, z, tag)")
-receive = Open("receive(messages, index, tag) -> (x, y, z, true if they have arrived)")
-clock = Open("clock(counter, place, substeps, substep) -> (step, substep)")
-settle = Open("settle(before, now, world, number) -> (x, y, z, vx, vy, vz)")
-constants_of = Open("constants_of(parameters) -> constants of the projection")
-fetch = Open("fetch(corners, values, number, place, count) -> data of a run")
-take = Open("take(now, before, arrays, data, place, runs, count, fresh, constants): project a run")
 
 
 @inlined_routine
@@ -224,15 +216,8 @@ def tetrahedra_resident(
 @cache
 def make_tetrahedra_resident(real: Real, math: str, parts: frozenset[str], projection: Projection) -> Kernel:
     """Compile `tetrahedra_resident`."""
-    forces, motion = make_forces(real, math, parts), make_motion(real, math, parts, AXES)
-    messages, run = make_messages(real), make_run(real, math, projection)
-    names = {
-        "add_gravity": forces.add_gravity, "add_particle_force": forces.add_particle_force,
-        "predict": motion.predict, "settle": motion.settle, "clock": make_clock(math, parts),
-        "send": messages.send, "receive": messages.receive, "fetch": run.fetch, "take": run.take,
-        "constants_of": make_constants(real, math, projection), "scalar": np.dtype(real) if simulated() else real,
-    }  # fmt: skip
-    variant = device_variant(real, math, {"damped": projection.damped, "run": projection.run})
+    kernel = filled(tetrahedra_resident, {"scalar": np.dtype(real) if simulated() else real})
+    kernel = with_projection(with_forces(kernel, parts), math, projection)
+    kernel = device_variant(real, math, particle_features(parts) | projection.features).copied(kernel)
     label = f"{projection.name}_{variant_name(real, math, parts)}"
-    kernel = variant.copied(filled(tetrahedra_resident, names))
     return make_kernel(kernel, label, launch_bounds=(MOST_THREADS, 1), **kernel_options(math))

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
+from softlab.gpu_backend.core.forces import particle_features
 from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.quads import load_quad, store_quad
 from softlab.gpu_backend.core.world import Cell
@@ -22,7 +23,7 @@ from softlab.gpu_backend.position_based.gather import ONE, TWO, arrive, displace
 from softlab.gpu_backend.position_based.kernels import compact_shape
 from softlab.gpu_backend.xpbd.tile import SheetTile
 from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, Open, Variant, features_of, filled, inlined_routine
+from softlab.model.base.variant import FEATURE, Open, Variant, filled, inlined_routine
 from softlab.model.position_based.plan import JACOBI, Family, colour_order, families
 
 head = Open("head(a, b, c, d, e)")
@@ -63,8 +64,8 @@ def shared_bytes(real: Real, parts: frozenset[str], tile: SheetTile) -> int:
 
 def tile_features(parts: frozenset[str], axes: int, tile: SheetTile) -> dict[str, Any]:
     """Return the features of a scene's kernels on a tile."""
-    return features_of(parts) | {
-        "axes": axes, "tile_rows": tile.rows.size, "tile_columns": tile.columns.size, "tile_pitch": tile.pitch,
+    return particle_features(parts, axes) | {
+        "tile_rows": tile.rows.size, "tile_columns": tile.columns.size, "tile_pitch": tile.pitch,
         "tile_quads": tile.quads, "tile_threads": tile.threads, "masses_each": masses_each(tile),
         "owned_rows": tile.rows.owned, "owned_columns": tile.columns.owned, "halo_rows": tile.rows.before,
         "halo_columns": tile.columns.before, "registers": register_multipliers(parts, tile),

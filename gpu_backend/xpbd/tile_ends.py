@@ -12,16 +12,15 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import cuda
 
-from softlab.gpu_backend.contact.motion import make_motion
+from softlab.gpu_backend.contact.motion import predict, settle
 from softlab.gpu_backend.core.quads import load_quad, store_quad
 from softlab.gpu_backend.core.world import Cell
 from softlab.gpu_backend.position_based.gather import valence_of, weight_of
-from softlab.gpu_backend.position_based.kernels import predict, settle
-from softlab.gpu_backend.position_based.point import accelerate, accelerations, tether_mass
+from softlab.gpu_backend.position_based.point import accelerate, tether_mass
 from softlab.gpu_backend.xpbd.sweep import chained, colour_variants, constraint_place, mass_place
 from softlab.gpu_backend.xpbd.tile import SheetTile
 from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, filled, inlined_routine
+from softlab.model.base.variant import FEATURE, inlined_routine
 from softlab.model.position_based.plan import JACOBI
 
 
@@ -134,16 +133,6 @@ def close_substep(shared, old, state, target, velocity, origin, world, number, r
             px, py, pz, vx, vy, vz = settle(b, load_quad(shared, old + here), world, number)
             store_quad(target, k, px, py, pz, b[3])
             store_quad(velocity, k, vx, vy, vz, 0.0)
-
-
-@cache
-def tile_ends(real: Real, math: str, parts: frozenset[str], axes: int) -> dict[str, Any]:
-    """Return `open_substep` and `close_substep` with the forces and colliders of a scene, by name."""
-    motion = make_motion(real, math, parts, axes)
-    names = {"accelerate": accelerations(real, math, parts)["accelerate"], "predict": motion.predict}
-    return {
-        "open_substep": filled(open_substep, names), "close_substep": filled(close_substep, {"settle": motion.settle})
-    }  # fmt: skip
 
 
 @inlined_routine

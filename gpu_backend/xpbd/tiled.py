@@ -17,12 +17,13 @@ from numba import cuda
 
 from softlab.gpu_backend.core.compile import Kernel, kernel_options, make_kernel, variant_name
 from softlab.gpu_backend.core.device import ALIGNMENT, simulated
+from softlab.gpu_backend.core.forces import with_forces
 from softlab.gpu_backend.core.formulas import device_variant
-from softlab.gpu_backend.core.integers import make_clock
-from softlab.gpu_backend.core.wind import make_block_air
+from softlab.gpu_backend.core.integers import clock
+from softlab.gpu_backend.core.wind import block_air
 from softlab.gpu_backend.core.world import World
-from softlab.gpu_backend.position_based.constraints import dampers, make_constants
-from softlab.gpu_backend.position_based.kernels import block_air, clock, constants_of, multiplier_planes
+from softlab.gpu_backend.position_based.constraints import constants_of, dampers
+from softlab.gpu_backend.position_based.kernels import multiplier_planes
 from softlab.gpu_backend.xpbd.sweep import copies, sweep_masses, sweeps, tile_features
 from softlab.gpu_backend.xpbd.tile import SheetTile
 from softlab.gpu_backend.xpbd.tile_ends import (
@@ -33,7 +34,6 @@ from softlab.gpu_backend.xpbd.tile_ends import (
     multiplier_moves,
     open_substep,
     store,
-    tile_ends,
 )
 from softlab.model.base.types import Real
 from softlab.model.base.variant import FEATURE, Open, filled, inlined_routine, real, routine
@@ -144,7 +144,6 @@ def make_tiled(real: Real, math: str, parts: frozenset[str], axes: int, tile: Sh
 
 
 def _compiled(kernel: Callable, real: Real, math: str, parts: frozenset[str], axes: int, tile: SheetTile) -> Kernel:
-    variant = real, math, parts, axes
     with_dampers = dampers(parts)
     features = tile_features(parts, axes, tile) | {
         "damped": with_dampers, "multipliers": multiplier_planes(parts),
@@ -152,10 +151,10 @@ def _compiled(kernel: Callable, real: Real, math: str, parts: frozenset[str], ax
         "first_row": tile.rows.start - tile.rows.before, "first_column": tile.columns.start - tile.columns.before,
     }  # fmt: skip
     names: dict[str, Any] = {
-        **tile_ends(*variant), **multiplier_moves(*variant, tile), "iterate": filled(iterate, sweeps(*variant, tile)),
-        "clock": make_clock(math, parts), "block_air": make_block_air(real, math, parts),
-        "constants_of": make_constants(math), "scalar": np.dtype(real) if simulated() else real,
+        **multiplier_moves(real, math, parts, axes, tile),
+        "iterate": filled(iterate, sweeps(real, math, parts, axes, tile)),
+        "scalar": np.dtype(real) if simulated() else real,
     }  # fmt: skip
-    copy = device_variant(real, math, features).copied(filled(kernel, names))
+    copy = device_variant(real, math, features).copied(with_forces(filled(kernel, names), parts))
     name = f"xpbd_{variant_name(real, math, axes, parts, tile.name)}"
     return make_kernel(copy, name, launch_bounds=(tile.threads, 1), **kernel_options(math))

@@ -10,8 +10,9 @@ A formula stands in its module as an ordinary function, where it is found, read 
 
 `Variant(np.float32, numba.njit, {"damped": True})` compiles a copy of it in which
 - literals and constants of its module that are floats have the variant's precision, so that float32 stays float32;
-- `FEATURE.damped` is True (False, where the variant does not name it; or a number, to be compared), and a branch that
-  is never chosen is gone before the compiler sees it. A feature is an entry of FEATURES; other names are refused;
+- `FEATURE.damped` is True or False (or a number, to be compared), and a branch that is never chosen is gone before the
+  compiler sees it. A feature is an entry of FEATURES; other names are refused, and so are features that a formula asks
+  for and its variant does not declare: a caller that forgets them would compile other code without notice;
 - formulas that it calls are compiled in the same variant, or replaced by the instructions that the variant names;
 - `a * b` is a call of the variant's product, if it has one (for CUDA, which otherwise contracts a * b + c).
 
@@ -19,7 +20,8 @@ Line numbers are those of the file, so that tracebacks and debuggers show it. An
 float64 in numba: formulas with one are refused (`2.0 * x`, not `2 * x`), as are `float(x)` and `np.float64(x)`. Integer
 arithmetic is an `integer_formula`, whose products stay as they are.
 
-`for n in unrolled(3)` and `tuple(f(n) for n in unrolled(3))` are written out, so that n may be an index of a tuple.
+`for n in unrolled(3)` and `tuple(f(n) for n in unrolled(3))` are written out, so that n may be an index of a tuple;
+`NAMES[n]` of a module's tuple of strings is the string, so that it may name a field of a record.
 
 A kernel, and what it calls that reads or writes arrays, is a `routine`: it stands in its module and is compiled in the
 same variants, with its products as they are. `copied` is the copy of a kernel, which a backend compiles its own way.
@@ -51,179 +53,184 @@ COMPARED: dict[type[ast.cmpop], Callable[..., bool]] = {
     ast.Lt: operator.lt,
 }
 SINGLE = "single"  # the feature of every float32 variant
-FEATURES = {  # what a variant may have and a formula may ask for
-    "alone": "a tetrahedron conserves its own volume, not with others of its voxel",
+OF_PARTS = {  # features that a part of a scene switches on: `features_of` declares all of them
     "alternating": "every second structural constraint has its own constants",
-    "anchors": "number of anchors of a long-range attachment",
-    "area": "numbers of a plane in shared memory",
-    "around": "the constraints of a run share corners with its last one",
-    "at_across": "number of the scratch rows of the pulls along the row",
-    "at_close": "number of the scratch rows of the sums of accelerations",
-    "at_down": "number of the scratch rows of the pulls down to the next row",
-    "at_far_across": "number of the scratch rows of the bending pulls along the row",
-    "at_far_down": "number of the scratch rows of the bending pulls down",
-    "at_first": "number of the scratch rows of the wind on the lower triangles",
-    "at_left": "number of the scratch rows of the pulls down to the left",
-    "at_once": "particles end a substep with the last displacement to their goals",
-    "at_open": "number of the scratch rows of the sums of accelerations of the step before",
-    "at_right": "number of the scratch rows of the pulls down to the right",
-    "at_second": "number of the scratch rows of the wind on the upper triangles",
     "attachments": "there are long-range attachments",
     "averaged": "corrections of a fluid are averaged over neighbours",
     "averaged_jacobi": "all constraints act at one position, and the mean of their displacements moves a mass",
-    "axes": "2 or 3 dimensions",
-    "balls": "vertices are balls, each of a radius",
     "bending": "there are bending constraints",
-    "blocks": "constraints of a tetrahedron are solved together",
     "body_damping": "bodies have damping rates of their own",
     "box": "there are boxes among the colliders",
-    "calmed": "particles have a speed limit or sleep",
     "capsule": "there are capsules among the colliders",
-    "changing": "forces on single particles depend on the step number",
     "chebyshev": "sweeps are accelerated",
-    "classes": "number of classes of a combed row",
-    "cleared": "groups of scratch rows that a walk clears",
-    "closed": "contacts are with surfaces that have an inside",
     "cluster_damping": "clusters damp the motion of their particles",
     "cohesion": "a fluid has cohesion",
-    "colliders": "there are colliders",
     "colliders_in_iterations": "colliders act before each iteration, too",
-    "colour": "number of a colour of constraints",
-    "columns_along": "columns between the ends of a constraint",
-    "constants": "number of a kind of constraints in OF_SHEETS",
-    "constraints": "there are constraints",
     "contact_adhesion": "particles attract each other in contacts",
     "contact_friction": "contacts of particles have friction",
     "contact_restitution": "contacts of particles have restitution",
     "contacts": "particles may be in contact",
-    "corners": "number of corners of an attachment",
     "couples": "friction turns clusters",
-    "cut": "the grid's last row may be inside a thread's strip",
-    "damped": "there is a damper",
     "damping": "air damps the motion of particles",
     "distance_field": "there are distance fields among the colliders",
     "drag": "a fluid has drag",
     "emitter": "a fluid has emitters",
-    "family": "number of a family of constraints",
-    "fast": "fast math, sums in any order",
-    "fetched": "masses that a thread fetches",
-    "fields": "numbers of a mass in shared memory",
-    "first_before": "first number of the positions before the substep in shared memory",
-    "first_column": "column of the first tile's first mass",
-    "first_multiplier": "number of the first multiplier of a mass or of a colour",
-    "first_row": "row of the first tile's first mass",
-    "first_triple": "number of a family's first triple of scratch rows",
-    "flow": "a fluid has emitters or sinks",
     "fluids": "there are several fluids",
-    "followed": "more constraint sets follow",
-    "forced": "there are forces on single particles",
     "friction": "contacts have friction",
     "friction_in_place": "friction of colliders acts on positions, too",
     "gravity": "there is gravity",
     "gust": "the wind has gusts",
-    "halo": "rings of masses around those that a tile owns",
-    "halo_columns": "columns of a tile before those that its block writes",
-    "halo_rows": "rows of a tile before those that its block writes",
-    "idle_triple": "number of the triple of scratch rows that is not read",
     "implicit": "springs act at the end of a step",
     "jacobi": "all constraints act at one position, and the sum of their displacements moves a mass",
-    "kinds": "there is more than one kind of bodies",
-    "lattice_columns": "columns of threads that cover a colour of a tile",
-    "lattice_rows": "rows of threads that cover a colour of a tile",
-    "lattice_shift": "rows or columns from a tile's first mass to the first constraint of a colour",
     "lattices": "bodies have lattices of windows",
-    "levers": "friction of surfaces acts at the vertex, and turns triangles",
-    "limited_change": "a fluid has a maximum acceleration",
-    "limits": "a smoothing also limits velocities",
     "linear": "one linearised step of implicit Euler; clusters with linear deformation",
     "links": "links join particles of bodies",
     "load": "masses differ",
-    "mass_forces": "accelerations differ between masses",
-    "masses_each": "masses of a thread",
-    "material": "number of the elastic energy",
     "mesh_collider": "there are meshes among the colliders",
     "motion": "pins follow a motion",
-    "moved": "how many corners a constraint moves",
     "moving": "walls of a fluid move",
-    "multiplier_plane": "number of a family's plane of multipliers",
-    "multipliers": "how many multipliers a constraint has",
-    "name_of_compliance": "the constraints' compliance in the record of constants",
-    "name_of_damping": "the constraints' damping in the record of constants",
-    "name_of_stiffening": "the constraints' stiffening in the record of constants",
-    "neighbour_velocities": "neighbours' velocities act on a mass",
-    "neighbours": "capacity of a neighbour list",
-    "number": "number of the constraint set in its tuple",
-    "numbers": "how many numbers a row has",
-    "owned_columns": "columns of a tile that its block writes",
-    "owned_rows": "rows of a tile that its block writes",
-    "pairs": "rebounds are limited by both bodies of a pair",
-    "particle_forces": "there are forces on single particles",
-    "per_constraint": "each constraint has its own compliance",
-    "periodic_x": "the domain is periodic along x",
-    "periodic_y": "the domain is periodic along y",
-    "periodic_z": "the domain is periodic along z",
     "pins": "some particles are pinned",
-    "pitch": "numbers of a row of a plane in shared memory",
     "plane": "there are planes among the colliders",
-    "planes": "particles are stored in planes, not in rows",
     "plastic": "clusters keep strains",
-    "rates_apart": "velocities are computed before colliders act",
-    "region": "masses from the middle of a window to its edge",
-    "registers": "multipliers of a thread",
     "repeats": "the domain is periodic",
     "restitution": "contacts have restitution",
-    "rests": "rigid bodies come to rest",
     "rigid_bounce": "rigid bodies rebound from one another",
     "rigid_motion": "there are rigid bodies",
     "rigid_rebound": "rigid bodies rebound from colliders",
-    "rising": "constraints lead to the left",
-    "rows_down": "rows between the ends of a constraint",
-    "run": "how many constraints a thread projects one after the other",
-    "scaled": "impulses are scaled by the response of both bodies",
-    "scaled_impulses": "impulses of a pair are scaled by the smaller factor of both",
     "self_contact": "some body touches itself",
-    "separate_before": "positions at the start of a substep have planes of their own",
-    "shapes": "neighbours need normals and vorticities",
     "shear": "there are shear constraints",
-    SINGLE: "float32",
     "sink": "a fluid has sinks",
     "sleeping": "slow particles rest",
-    "slot": "number of a thread's mass",
-    "slots": "constraints of a thread of one colour",
-    "smoothing": "neighbours change a fluid's velocities",
-    "soft": "constraints have a compliance",
     "solids": "there are samples of solids among a fluid's particles",
     "spare": "copies of bodies wait to be added",
     "speed_limit": "particles have a maximum speed",
     "sphere": "there are spheres among the colliders",
     "springs": "attachments are springs",
-    "stage": "number of the stage of RK4, from 0",
-    "stencil": "rings of masses that the forces on a mass depend on",
-    "stencil_rows": "largest number of rows between the ends of a constraint",
-    "strip": "masses of a thread",
     "structural": "there are structural constraints",
     "surface_tension": "a fluid has surface tension",
     "swept": "capsules and boxes are swept: no path in a step crosses them",
     "tensile": "a fluid has the tensile correction",
-    "threads": "number of threads of a block",
-    "tile_columns": "columns of a tile",
-    "tile_pitch": "quads from a row of a tile to the next",
-    "tile_quads": "quads of a tile",
-    "tile_rows": "rows of a tile",
-    "tile_threads": "threads of a tile's block",
-    "timed": "something depends on the number of the step",
-    "triples": "number of triples of scratch rows",
     "two_stages": "a substep has two solves",
-    "uneven": "a row has masses of other weights than 1",
-    "upwards": "a scan is along z, not y",
-    "values": "how many numbers a constraint has",
-    "verlet": "the integrator is velocity Verlet",
     "viscosity": "a fluid has viscosity",
     "vorticity": "a fluid has vorticity confinement",
     "walls": "there are walls of a fluid",
-    "whole": "the grid is one tile",
     "wind": "there is wind",
 }
+FEATURES = (
+    OF_PARTS
+    | {  # what a variant may have and a formula may ask for: the others are declared where a kernel is compiled
+        "alone": "a tetrahedron conserves its own volume, not with others of its voxel",
+        "anchors": "number of anchors of a long-range attachment",
+        "area": "numbers of a plane in shared memory",
+        "around": "the constraints of a run share corners with its last one",
+        "at_across": "number of the scratch rows of the pulls along the row",
+        "at_close": "number of the scratch rows of the sums of accelerations",
+        "at_down": "number of the scratch rows of the pulls down to the next row",
+        "at_far_across": "number of the scratch rows of the bending pulls along the row",
+        "at_far_down": "number of the scratch rows of the bending pulls down",
+        "at_first": "number of the scratch rows of the wind on the lower triangles",
+        "at_left": "number of the scratch rows of the pulls down to the left",
+        "at_once": "particles end a substep with the last displacement to their goals",
+        "at_open": "number of the scratch rows of the sums of accelerations of the step before",
+        "at_right": "number of the scratch rows of the pulls down to the right",
+        "at_second": "number of the scratch rows of the wind on the upper triangles",
+        "axes": "2 or 3 dimensions",
+        "balls": "vertices are balls, each of a radius",
+        "blocks": "constraints of a tetrahedron are solved together",
+        "calmed": "particles have a speed limit or sleep",
+        "changing": "forces on single particles depend on the step number",
+        "classes": "number of classes of a combed row",
+        "cleared": "groups of scratch rows that a walk clears",
+        "closed": "contacts are with surfaces that have an inside",
+        "colliders": "there are colliders",
+        "colour": "number of a colour of constraints",
+        "columns_along": "columns between the ends of a constraint",
+        "constants": "number of a kind of constraints in OF_SHEETS",
+        "constraints": "there are constraints",
+        "corners": "number of corners of an attachment",
+        "cut": "the grid's last row may be inside a thread's strip",
+        "damped": "there is a damper",
+        "family": "number of a family of constraints",
+        "fast": "fast math, sums in any order",
+        "fetched": "masses that a thread fetches",
+        "fields": "numbers of a mass in shared memory",
+        "first_before": "first number of the positions before the substep in shared memory",
+        "first_column": "column of the first tile's first mass",
+        "first_multiplier": "number of the first multiplier of a mass or of a colour",
+        "first_row": "row of the first tile's first mass",
+        "first_triple": "number of a family's first triple of scratch rows",
+        "flow": "a fluid has emitters or sinks",
+        "followed": "more constraint sets follow",
+        "forced": "there are forces on single particles",
+        "halo": "rings of masses around those that a tile owns",
+        "halo_columns": "columns of a tile before those that its block writes",
+        "halo_rows": "rows of a tile before those that its block writes",
+        "idle_triple": "number of the triple of scratch rows that is not read",
+        "kinds": "there is more than one kind of bodies",
+        "lattice_columns": "columns of threads that cover a colour of a tile",
+        "lattice_rows": "rows of threads that cover a colour of a tile",
+        "lattice_shift": "rows or columns from a tile's first mass to the first constraint of a colour",
+        "levers": "friction of surfaces acts at the vertex, and turns triangles",
+        "limited_change": "a fluid has a maximum acceleration",
+        "limits": "a smoothing also limits velocities",
+        "mass_forces": "accelerations differ between masses",
+        "masses_each": "masses of a thread",
+        "material": "number of the elastic energy",
+        "moved": "how many corners a constraint moves",
+        "multiplier_plane": "number of a family's plane of multipliers",
+        "multipliers": "how many multipliers a constraint has",
+        "name_of_compliance": "the constraints' compliance in the record of constants",
+        "name_of_damping": "the constraints' damping in the record of constants",
+        "name_of_stiffening": "the constraints' stiffening in the record of constants",
+        "neighbour_velocities": "neighbours' velocities act on a mass",
+        "neighbours": "capacity of a neighbour list",
+        "number": "number of the constraint set in its tuple",
+        "numbers": "how many numbers a row has",
+        "owned_columns": "columns of a tile that its block writes",
+        "owned_rows": "rows of a tile that its block writes",
+        "pairs": "rebounds are limited by both bodies of a pair",
+        "particle_forces": "there are forces on single particles",
+        "per_constraint": "each constraint has its own compliance",
+        "periodic_x": "the domain is periodic along x",
+        "periodic_y": "the domain is periodic along y",
+        "periodic_z": "the domain is periodic along z",
+        "pitch": "numbers of a row of a plane in shared memory",
+        "planes": "particles are stored in planes, not in rows",
+        "rates_apart": "velocities are computed before colliders act",
+        "region": "masses from the middle of a window to its edge",
+        "registers": "multipliers of a thread",
+        "rests": "rigid bodies come to rest",
+        "rising": "constraints lead to the left",
+        "rows_down": "rows between the ends of a constraint",
+        "run": "how many constraints a thread projects one after the other",
+        "scaled": "impulses are scaled by the response of both bodies",
+        "scaled_impulses": "impulses of a pair are scaled by the smaller factor of both",
+        "separate_before": "positions at the start of a substep have planes of their own",
+        "shapes": "neighbours need normals and vorticities",
+        SINGLE: "float32",
+        "slot": "number of a thread's mass",
+        "slots": "constraints of a thread of one colour",
+        "smoothing": "neighbours change a fluid's velocities",
+        "soft": "constraints have a compliance",
+        "stage": "number of the stage of RK4, from 0",
+        "stencil": "rings of masses that the forces on a mass depend on",
+        "stencil_rows": "largest number of rows between the ends of a constraint",
+        "strip": "masses of a thread",
+        "threads": "number of threads of a block",
+        "tile_columns": "columns of a tile",
+        "tile_pitch": "quads from a row of a tile to the next",
+        "tile_quads": "quads of a tile",
+        "tile_rows": "rows of a tile",
+        "tile_threads": "threads of a tile's block",
+        "timed": "something depends on the number of the step",
+        "triples": "number of triples of scratch rows",
+        "uneven": "a row has masses of other weights than 1",
+        "upwards": "a scan is along z, not y",
+        "values": "how many numbers a constraint has",
+        "verlet": "the integrator is velocity Verlet",
+        "whole": "the grid is one tile",
+    }
+)
 
 
 class _Features:
@@ -363,7 +370,7 @@ def filled(function: Any, names: dict[str, Any]) -> Any:
 
 def inlined_throughout(function: Any) -> Any:
     """Return a formula that is inlined with all that it calls: what is vectorised has no calls."""
-    return Inlined(function, {})
+    return Inlined(function.function, function.names) if isinstance(function, Filled) else Inlined(function, {})
 
 
 @cache
@@ -407,7 +414,7 @@ def is_formula(value: object) -> bool:
 class Variant:
     """One arithmetic and one set of features; `compiled` is the decorator that compiles a function.
 
-    `features`: by name, what is not False; `product`: what multiplies, or None; `instructions`: names of formulas ->
+    `features`: by name, those that are off too; `product`: what multiplies, or None; `instructions`: names of formulas ->
     functions that take their place; `ways`: decorators of routines that are marked as a row or inlined.
     """
 
@@ -496,14 +503,18 @@ class Formulas:
 
 
 def features_of(parts: Iterable[str]) -> dict[str, bool]:
-    """Return the features that a scene's `parts` switch on, by their names in FEATURES."""
+    """Return the features that a scene's `parts` switch on or leave off, by their names in FEATURES."""
     present = {part.replace("-", "_") for part in parts}
-    return {name: True for name in FEATURES if name in present}
+    return {name: name in present for name in FEATURES if name in OF_PARTS or name in present}
 
 
 def plain_formulas(module: ModuleType, real: Any, features: Mapping[str, Any] | None = None) -> Formulas:
-    """Return the formulas of a module as plain Python, in a precision."""
-    return Variant(real, plain, features).of(module)
+    """Return the formulas of a module as plain Python, in a precision; features that are not named are off."""
+    return Variant(real, plain, _all_off() | dict(features or {})).of(module)
+
+
+def _all_off() -> dict[str, Any]:
+    return dict.fromkeys(FEATURES, False)
 
 
 def _unknown_feature(name: str) -> str:
@@ -532,7 +543,9 @@ def check_returns(function: Any, count: int, features: Mapping[str, int] | None 
         raise TypeError(f"{place(function)}: {function.__name__} is no formula: write @formula above it")
     values = [
         node.value
-        for node in ast.walk(specialised_tree(function, frozenset((features or {}).items()), False)[0])
+        for node in ast.walk(
+            specialised_tree(function, frozenset((_all_off() | dict(features or {})).items()), False)[0]
+        )
         if isinstance(node, ast.Return)
     ]
     while values:
@@ -580,12 +593,23 @@ def _definitions(file: str) -> dict[str, tuple[int, str]]:
     return {node.name: (node.lineno, "\n".join(lines[node.lineno - 1 : node.end_lineno])) for node in functions}
 
 
+def _unpacked(items: list[ast.expr]) -> list[ast.expr]:
+    """Return expressions with the elements of those that are tuples behind a star."""
+    unpacked: list[ast.expr] = []
+    for item in items:
+        inner = item.value if isinstance(item, ast.Starred) else None
+        unpacked += inner.elts if isinstance(inner, ast.Tuple) else [item]
+    return unpacked
+
+
 class _Specialise(ast.NodeTransformer):
     """Puts the constants of a variant into a formula."""
 
     def __init__(self, features: dict[str, Any], function: Any, rounded: bool):
         self.features, self.known, self.rounded = features, function.__globals__, rounded
-        self.has_floats, self.file = function.rounds_products, function.__code__.co_filename
+        self.has_floats, self.file, self.name = (
+            function.rounds_products, function.__code__.co_filename, function.__name__,
+        )  # fmt: skip
         self.constants: dict[str, float] = {}
 
     def block(self, statements: list[ast.stmt]) -> list[ast.stmt]:
@@ -602,7 +626,12 @@ class _Specialise(ast.NodeTransformer):
         if isinstance(node.value, ast.Name) and node.value.id == "FEATURE":
             if node.attr not in FEATURES:
                 raise AttributeError(f"{self._line(node)}: {_unknown_feature(node.attr)}")
-            return ast.copy_location(ast.Constant(self.features.get(node.attr, False)), node)
+            if node.attr not in self.features:
+                raise AttributeError(
+                    f"{self._line(node)}: {self.name} asks for FEATURE.{node.attr}, which its variant does not declare: "
+                    "name it, True or False, where the kernel that calls it is compiled"
+                )
+            return ast.copy_location(ast.Constant(self.features[node.attr]), node)
         if node.attr == "float64":
             self._refuse_float64(node)
         return self.generic_visit(node)
@@ -616,16 +645,14 @@ class _Specialise(ast.NodeTransformer):
             if numbers is not None:
                 items = [self.visit(self._numbered(node.args[0].elt, loop.target, n)) for n in numbers]
                 return ast.copy_location(ast.Tuple(items, ast.Load()), node)
-        return self.generic_visit(node)
+        self.generic_visit(node)
+        node.args = _unpacked(node.args)
+        return node
 
     def visit_Tuple(self, node: ast.Tuple) -> ast.AST:
         """A tuple that is written out in a tuple is part of it: numba cannot unpack an empty one."""
         self.generic_visit(node)
-        items: list[ast.expr] = []
-        for item in node.elts:
-            inner = item.value if isinstance(item, ast.Starred) else None
-            items += inner.elts if isinstance(inner, ast.Tuple) else [item]
-        node.elts = items
+        node.elts = _unpacked(node.elts)
         return node
 
     def _numbers(self, loop: ast.expr) -> range | None:
@@ -646,7 +673,17 @@ class _Specialise(ast.NodeTransformer):
         self.has_floats = self.rounded = False  # the index is an integer
         node.slice = self.visit(node.slice)
         self.has_floats, self.rounded = rules
-        return node
+        entry = self._entry(node)
+        return ast.copy_location(ast.Constant(entry), node) if isinstance(entry, str) else node
+
+    def _entry(self, node: ast.expr) -> Any:
+        """Return an entry of a constant table of the module at constant places, or None."""
+        if isinstance(node, ast.Name):
+            return self.known.get(node.id)
+        if isinstance(node, ast.Subscript) and isinstance(node.slice, ast.Constant):
+            table, place = self._entry(node.value), node.slice.value
+            return table[place] if type(table) is tuple and type(place) is int else None
+        return None
 
     def visit_Constant(self, node: ast.Constant) -> ast.AST:
         if type(node.value) is not float:

@@ -6,13 +6,12 @@ have them too: forces and colliders read them under these names.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
 from softlab.model.assets.clusters import matching_factor
 from softlab.model.base.clock import START, Clock
-from softlab.model.base.tuples import reader
 from softlab.model.base.types import Real
 from softlab.model.contact.cloth_parameters import CLOTH_PARAMETERS, FIELDS, REST_LENGTHS, cloth_values
 from softlab.model.core.integrators import damping_rate
@@ -23,19 +22,26 @@ from softlab.model.tables.cloth import CONSTRAINT_KINDS
 
 OF_SHEETS = ("structural", "stiff", "shear", "bending")  # stiff: every second structural one, where a grid's alternate
 CONSTRAINTS = (*OF_SHEETS, *(kind for kind in CONSTRAINT_KINDS if kind not in OF_SHEETS))
-CONSTANTS = (
-    "rest",  # m
-    "compliance",  # alpha m / h^2, dimensionless; 0: inextensible
-    "damping",  # gamma = alpha beta / h
-    "stiffening",  # 1 + gamma; in PBD 1 / stiffness
-    "both",  # 1 / (2 stiffening + compliance): the reciprocal between two free masses with the sheet's mass
-    "one",  # the same with one of them pinned
-)
+
+
+class Constants(NamedTuple):
+    """Constants of a kind of constraints."""
+
+    rest: float  # m
+    compliance: float  # alpha m / h^2, dimensionless; 0: inextensible
+    damping: float  # gamma = alpha beta / h
+    stiffening: float  # 1 + gamma; in PBD 1 / stiffness
+    both: float  # 1 / (2 stiffening + compliance): the reciprocal between two free masses with the sheet's mass
+    one: float  # the same with one of them pinned
+
+
+CONSTANTS = Constants._fields
+NAMES = {kind: tuple(f"constraint_{kind}_{constant}" for constant in CONSTANTS) for kind in CONSTRAINTS}
 XPBD_PARAMETERS = (
     "inverse_substep",  # 1/h, 1/s
     "keep",  # damping factor of a velocity in a substep: 1 - h c / m
     "braking",  # h c / m
-    *(f"constraint_{kind}_{constant}" for kind in CONSTRAINTS for constant in CONSTANTS),
+    *(name for kind in CONSTRAINTS for name in NAMES[kind]),
     "matching",  # fraction of the displacement to the goals of their clusters by which masses move per iteration
     "matching_rest",  # m, between neighbours of a cluster at rest
     *CLOTH_PARAMETERS,  # last: numba would take a record that begins as a cloth's for one, and warn
@@ -72,9 +78,9 @@ def constraint_constants(scene: Scene, kind: str) -> tuple[float, ...]:
     return rest, compliance, gamma, stiffening, 1 / (2 * stiffening + compliance), 1 / (stiffening + compliance)
 
 
-def constants_of(record: np.ndarray, kind: str) -> Any:
-    """Return the CONSTANTS of a kind of constraints as a named tuple, from a record of these parameters."""
-    return reader(CONSTANTS, prefix=f"constraint_{kind}_")(record[0])
+def constants_of(record: np.ndarray, kind: str) -> Constants:
+    """Return the constants of a kind of constraints, from a record of these parameters."""
+    return Constants(*(record[0][name] for name in NAMES[kind]))
 
 
 def xpbd_record(

@@ -38,5 +38,11 @@ def cross(ax, ay, az, bx, by, bz):
 
 
 @formula
+def moved(point, weight, direction):
+    """point + weight * direction, vectors."""
+    return point[0] + weight * direction[0], point[1] + weight * direction[1], point[2] + weight * direction[2]
+
+
+@formula
 def length(x, y, z):
     return sqrt((x * x + y * y) + z * z)

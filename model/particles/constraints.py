@@ -56,11 +56,12 @@ class Projection:
 
     @property
     def features(self) -> dict[str, Any]:
-        """Features of the executor's variant (model/base/variant.py)."""
-        names = zip(("name_of_compliance", "name_of_damping", "name_of_stiffening"), self.constants or (), strict=False)
-        return dict(names) | {
+        """Features of the executor's variant (model/base/variant.py), and of the projection's formulas."""
+        words = ("name_of_compliance", "name_of_damping", "name_of_stiffening")
+        return dict(zip(words, self.constants or (False,) * 3, strict=True)) | {
             "corners": self.corners, "values": self.values, "multipliers": self.multipliers, "moved": self.moved,
             "soft": self.soft, "damped": self.damped, "run": self.run, "around": self.around,
+            "per_constraint": False, **dict(self.flags),
         }  # fmt: skip
 
 

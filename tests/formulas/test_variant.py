@@ -17,6 +17,7 @@ import pytest
 from softlab.model.base.variant import (
     FEATURE,
     FEATURES,
+    OF_PARTS,
     CountOfPrecision,
     Formulas,
     OfPrecision,
@@ -195,7 +196,7 @@ def test_every_product_is_the_variants() -> None:
         calls.append((a, b))
         return a * b
 
-    variant = Variant(np.float32, plain, product=product)
+    variant = Variant(np.float32, plain, {"never": False}, product=product)
     assert variant(halved)(np.float32(6)) == 1 and len(calls) == 2
     assert variant(scaled)(np.float32(2)) == 12 and len(calls) == 4
     assert variant(counted)(3) == 6 and len(calls) == 4
@@ -252,6 +253,31 @@ def test_an_unknown_feature_is_refused() -> None:
         Variant(np.float64)(misspelt)
     with pytest.raises(AttributeError, match=r"FEATURE\.sofd is unknown: did you mean soft"):
         Variant(np.float64, plain, {"sofd": True})
+
+
+def test_a_feature_that_a_variant_does_not_declare_is_refused() -> None:
+    """Where any routine that the kernel calls asks for it: code without the feature would be compiled unnoticed."""
+    where = (
+        f"{__file__}:{doubled_at.__code__.co_firstlineno + 2}: doubled_at asks for FEATURE.damped, which its variant"
+    )
+    with pytest.raises(AttributeError, match=f"^{re.escape(where)} does not declare"):
+        Variant(np.float64).copied(in_registers)
+    for damped, result in ((True, 1.0), (False, 0.1)):
+        values = np.array([3.0])
+        Variant(np.float64, plain, {"damped": damped}).copied(in_registers)(values)
+        assert values[0] == result
+
+
+def test_a_clock_that_nobody_asked_for_time_does_not_stand_still() -> None:
+    """A caller that forgets FEATURE.timed gets an error in place of time 0."""
+    from softlab.gpu_backend.core.forces import particle_features
+    from softlab.gpu_backend.core.integers import clock
+
+    counter, parts = np.array([7]), frozenset({"gust", "wind"})
+    with pytest.raises(AttributeError, match=r"clock asks for FEATURE\.timed, which its variant does not declare"):
+        Variant(np.float32, plain, features_of(parts))(clock)
+    assert Variant(np.float32, plain, particle_features(parts))(clock)(counter, 1, 4, 2) == (8, 34)
+    assert Variant(np.float32, plain, particle_features(frozenset()))(clock)(counter, 1, 4, 2) == (0, 0)
 
 
 def test_errors_point_at_the_line_of_the_file() -> None:
@@ -341,9 +367,31 @@ def test_routines_are_compiled_their_own_way_and_keep_their_products() -> None:
 
 
 def test_parts_of_a_scene_are_features_under_their_names() -> None:
-    assert features_of(frozenset({"friction", "per-constraint", "of-no-formula"})) == {
-        "friction": True, "per_constraint": True,
-    }  # fmt: skip
+    """Those that a scene lacks are off; what no part switches on is not declared, unless a part has its name."""
+    features = features_of(frozenset({"friction", "speed-limit", "per-constraint", "of-no-formula"}))
+    assert {name for name, is_on in features.items() if is_on} == {"friction", "speed_limit", "per_constraint"}
+    assert features.keys() == OF_PARTS.keys() | {"per_constraint"} and "timed" not in features
+
+
+FIELDS, HALVES = (("left", "right"), ("low", "high")), 2
+
+
+@routine
+def fields_of(record):
+    return pair_of(*tuple(record[FIELDS[FEATURE.number][n]] for n in unrolled(HALVES)))
+
+
+@routine
+def pair_of(first, second):
+    return second, first
+
+
+def test_a_table_of_names_gives_the_fields_of_a_record() -> None:
+    """The compiled copy names them, as numba needs it."""
+    record = {"left": 1.0, "right": 2.0, "low": 3.0, "high": 4.0}
+    for number, expected in enumerate([(2.0, 1.0), (4.0, 3.0)]):
+        copied = Variant(np.float64, plain, {"number": number}).copied(fields_of)
+        assert copied(record) == expected and "FIELDS" not in copied.__code__.co_names
 
 
 @formula

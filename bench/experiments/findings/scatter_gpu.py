@@ -26,12 +26,11 @@ from softlab.gpu_backend.core.formulas import device_formulas, device_variant
 from softlab.gpu_backend.core.launch import Graphs, can_capture
 from softlab.gpu_backend.core.pairs import load_pair, store_pair
 from softlab.gpu_backend.mass_spring.grid.kernels import make_tools
-from softlab.gpu_backend.mass_spring.grid.point import moves_of
+from softlab.gpu_backend.mass_spring.grid.point import grid_features, moves_of
 from softlab.gpu_backend.mass_spring.grid.solver import MassSpring
 from softlab.model.core.plan import Executor
 from softlab.model.core.simulation import Options
 from softlab.model.formulas import springs
-from softlab.model.mass_spring.plan import sheet_features
 from softlab.model.scene.scene import Scene
 
 cuda: Any = numba_cuda  # numba infers the types of kernels when they are compiled
@@ -158,7 +157,7 @@ def _colour_kernel(real: Any, math: str, down: bool, odd: int) -> Any:
 
 
 def _move_kernel(real: Any, math: str, parts: frozenset[str]) -> Any:
-    move = device_variant(real, math, sheet_features("lab", parts))(moves_of(real, math, "lab", parts)["step"])
+    move = device_variant(real, math, grid_features("lab", parts))(moves_of("lab", parts)["step"])
     has_pins = "pins" in parts
     zero = real(0)
 

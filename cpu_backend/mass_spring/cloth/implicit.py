@@ -16,6 +16,7 @@ from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import BLOCK, L_COLUMNS, L_PLANE, L_ROWS, aligned_zeros, row_at
 from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.core.scratch import AXES, SPAN, cloth_variant
+from softlab.cpu_backend.core.wind import air_now
 from softlab.cpu_backend.mass_spring.arrays import ImplicitArrays
 from softlab.cpu_backend.mass_spring.cloth.implicit_rows import (
     AR,
@@ -41,7 +42,7 @@ from softlab.cpu_backend.mass_spring.cloth.implicit_rows import (
     walk_elsewhere,
 )
 from softlab.cpu_backend.mass_spring.cloth.kernels import PLANES, settle
-from softlab.cpu_backend.mass_spring.cloth.rows import air_now, cloth_features
+from softlab.cpu_backend.mass_spring.cloth.rows import cloth_features
 from softlab.cpu_backend.mass_spring.cloth.sums import total
 from softlab.model.base.types import Real
 from softlab.model.base.variant import FEATURE, filled, routine

@@ -8,8 +8,8 @@ from __future__ import annotations
 from typing import Any
 
 from softlab.cpu_backend.core.layout import BLOCK, row_at
-from softlab.cpu_backend.core.scratch import AXES
-from softlab.cpu_backend.mass_spring.cloth.rows import k_damping, k_rest, k_stiffness, pulls_of, row_start
+from softlab.cpu_backend.core.scratch import AXES, row_start
+from softlab.cpu_backend.mass_spring.cloth.rows import k_damping, k_rest, k_stiffness, pulls_of
 from softlab.model.base.variant import Open, filled, routine, row_routine
 from softlab.model.formulas.implicit import end_pull_3d, product_3d
 

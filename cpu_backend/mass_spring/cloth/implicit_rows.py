@@ -10,17 +10,15 @@ from typing import Any
 
 import numpy as np
 
+from softlab.cpu_backend.contact.colliders import collide_row
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import BLOCK, L_COLUMNS, L_PLANE, L_STRIDE, row_at
-from softlab.cpu_backend.core.scratch import AXES
+from softlab.cpu_backend.core.scratch import AXES, clear_triple, row_start
 from softlab.cpu_backend.mass_spring.cloth.implicit_pulls import end_pulls, products
 from softlab.cpu_backend.mass_spring.cloth.rows import (
     begin_walk,
-    clear_triple,
     cloth_features,
-    collide_row,
-    open_functions,
-    row_start,
+    of_scene,
     spring_rows,
     sum_accelerations,
     sum_forces,
@@ -226,13 +224,11 @@ def finish_row(i, step, blocks, layout, source, work, target, parameters, bodies
 def system_functions(compiler: Compiler, real: Real, parts: frozenset[str]) -> dict[str, Any]:
     """Return what the open names of the passes stand for in a scene."""
     springs, integrator = spring_parts(parts), "implicit-euler"
-    functions = open_functions(compiler, real, integrator, parts - springs)
     elsewhere = compiler.variant_of(real, cloth_features(real, integrator, parts - springs))
     system = compiler.variant_of(real, cloth_features(real, integrator, springs))
     return {
-        **functions, "walk_elsewhere": elsewhere(filled(begin_walk, functions)),
-        "sum_elsewhere": elsewhere(filled(sum_forces, functions)),
-        "pull_end": system(filled(spring_rows, {**functions, **end_pulls(springs)})),
-        "pull_matrix": system(filled(spring_rows, {**functions, **products(springs)})),
-        "sum_springs": system(filled(sum_accelerations, functions)),
+        "walk_elsewhere": elsewhere(of_scene(begin_walk, integrator, parts - springs)),
+        "sum_elsewhere": elsewhere(of_scene(sum_forces, integrator, parts - springs)),
+        "pull_end": system(filled(spring_rows, end_pulls(springs))),
+        "pull_matrix": system(filled(spring_rows, products(springs))), "sum_springs": system(sum_accelerations),
     }  # fmt: skip

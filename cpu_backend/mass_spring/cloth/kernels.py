@@ -12,17 +12,16 @@ from functools import cache
 
 import numpy as np
 
+from softlab.cpu_backend.contact.colliders import collide_row
+from softlab.cpu_backend.contact.pins import follow
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import BLOCK, L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, row_at
 from softlab.cpu_backend.core.progress import assigned
-from softlab.cpu_backend.core.scratch import AXES, cloth_variant
+from softlab.cpu_backend.core.scratch import AXES, cloth_variant, row_start
+from softlab.cpu_backend.core.wind import air_now
 from softlab.cpu_backend.mass_spring.cloth.rows import (
-    air_now,
     begin_walk,
     cloth_kernel,
-    collide_row,
-    follow,
-    row_start,
     sum_forces,
 )
 from softlab.cpu_backend.mass_spring.grid.row_step import CLOSING, OPENING, finish_axis, pass_kind

@@ -7,17 +7,16 @@ from functools import cache
 
 import numpy as np
 
+from softlab.cpu_backend.contact.colliders import collide_row
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import BLOCK, L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, row_at
 from softlab.cpu_backend.core.progress import assigned
-from softlab.cpu_backend.core.scratch import AXES, cloth_variant
+from softlab.cpu_backend.core.scratch import AXES, cloth_variant, row_start
+from softlab.cpu_backend.core.wind import air_now
 from softlab.cpu_backend.mass_spring.cloth.kernels import PLANES, settle
 from softlab.cpu_backend.mass_spring.cloth.rows import (
-    air_now,
     begin_walk,
     cloth_kernel,
-    collide_row,
-    row_start,
     sum_forces,
 )
 from softlab.cpu_backend.mass_spring.grid.rk4 import BASE, SOURCE, STAGE_2, TARGET, TOTAL, damp, update

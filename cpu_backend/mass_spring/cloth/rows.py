@@ -14,13 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from softlab.cpu_backend.contact.colliders import make_collide_row
-from softlab.cpu_backend.contact.pins import make_follow
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import BLOCK, L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, row_at
-from softlab.cpu_backend.core.own_forces import make_particle_force_row
-from softlab.cpu_backend.core.scratch import AXES, SPAN, make_scratch, triples_of
-from softlab.cpu_backend.core.wind import make_winds
+from softlab.cpu_backend.core.own_forces import add_3d, with_forces
+from softlab.cpu_backend.core.scratch import AXES, SPAN, clear_column, clear_triple, row_edge, row_start, triples_of
+from softlab.cpu_backend.core.wind import add_wind, wind_cells
 from softlab.model.base.types import Real
 from softlab.model.base.variant import FEATURE, Open, filled, routine, row_routine
 from softlab.model.contact.cloth_parameters import spring_constants
@@ -30,19 +28,6 @@ from softlab.model.mass_spring.cloth_plan import kicks_coupled
 from softlab.model.mass_spring.plan import sheet_features
 from softlab.model.tables.cloth import COLLIDER_KINDS, SPRING_KINDS
 
-# functions of other packages, which `open_functions` compiles
-add_3d = Open("add_3d(count, first, step, parameters, integers, x, y, z): of core/own_forces.py")
-add_wind = Open("add_wind(i, blocks, scratch, width): of core/wind.py")
-air_now = Open("air_now(parameters, integers, step, offset): of core/wind.py")
-clear_column = Open("clear_column(scratch, triple, column, width): of core/scratch.py")
-clear_triple = Open("clear_triple(scratch, triple, width): of core/scratch.py")
-collide_row = Open(
-    "collide_row(bodies, kinds, step, parameters, blocks, source, here, plane, target, there, target_plane)"
-)
-follow = Open("follow(bodies, pin, time): of contact/pins.py")
-row_edge = Open("row_edge(triple, axis, width): of core/scratch.py")
-row_start = Open("row_start(triple, axis, width): of core/scratch.py")
-wind_cells = Open("wind_cells(i, blocks, layout, source, parameters, air, scratch, width): of core/wind.py")
 # of `pulls`, for a kind of springs: names of their constants; whether they have a damper
 k_stiffness, k_rest, k_damping = Open("k_stiffness: a name"), Open("k_rest: a name"), Open("k_damping: a name")
 has_damper, has_gravity = Open("has_damper: a bool"), Open("has_gravity: a bool, of `sum_row`")
@@ -234,26 +219,17 @@ def pulls_of(parts: frozenset[str], pulls: Any = pulls) -> dict[str, Any]:
     return kinds
 
 
-def open_functions(compiler: Compiler, real: Real, integrator: str, parts: frozenset[str]) -> dict[str, Any]:
-    """Return what the open names of a cloth's kernels stand for in a scene."""
-    scratch = make_scratch(compiler, real)
-    rows = scratch.place, scratch.edge, scratch.forget, scratch.clear
-    winds = make_winds(compiler, real, parts, *rows, triples_of(parts))
-    return {
-        **pulls_of(parts), "add_3d": make_particle_force_row(compiler, real, AXES, parts), "add_wind": winds.add_wind,
-        "air_now": winds.air_now, "clear_column": scratch.forget, "clear_triple": scratch.clear,
-        "collide_row": make_collide_row(compiler, real, parts), "follow": make_follow(compiler, real),
-        "one_force": step_formula(integrator), "row_edge": scratch.edge, "row_start": scratch.place,
-        "wind_cells": winds.wind_cells,
-    }  # fmt: skip
+def of_scene(kernel: Callable, integrator: str, parts: frozenset[str]) -> Any:
+    """Return a kernel with the springs and forces of a scene and the formula of an integrator."""
+    return with_forces(filled(kernel, {**pulls_of(parts), "one_force": step_formula(integrator)}), parts)
 
 
 def cloth_features(real: Real, integrator: str, parts: frozenset[str]) -> dict[str, Any]:
     """Return the features of a cloth's kernels."""
     at = triples_of(parts)
-    names = ("across", "close", "down", "far_across", "far_down", "left", "open", "right")
+    names = ("across", "close", "down", "far_across", "far_down", "first", "left", "open", "right", "second")
     return {
-        **sheet_features(integrator, parts), **{f"at_{name}": at.get(name, 0) for name in names},
+        **sheet_features(integrator, parts), **{f"at_{name}": at.get(name, 0) for name in names}, "axes": AXES,
         "cleared": at["count"], "colliders": not parts.isdisjoint(COLLIDER_KINDS),
         "neighbour_velocities": not kicks_coupled(parts), "triples": at["count"],
     }  # fmt: skip
@@ -262,4 +238,4 @@ def cloth_features(real: Real, integrator: str, parts: frozenset[str]) -> dict[s
 def cloth_kernel(compiler: Compiler, kernel: Callable, real: Real, integrator: str, parts: frozenset[str]) -> Callable:
     """Return a copy of a kernel of the cloth for a scene's `parts`, which the compiler compiles."""
     variant = compiler.variant_of(real, cloth_features(real, integrator, parts))
-    return variant.copied(filled(kernel, open_functions(compiler, real, integrator, parts)))
+    return variant.copied(of_scene(kernel, integrator, parts))

@@ -15,17 +15,16 @@ import numpy as np
 from numba import prange
 
 from softlab.cpu_backend.contact.collide_stage import make_collide_stage
-from softlab.cpu_backend.contact.pins import make_follow
+from softlab.cpu_backend.contact.pins import follow
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.own_forces import bind_forces
 from softlab.cpu_backend.core.scratch import cloth_variant
 from softlab.cpu_backend.core.wind import make_wind_stage
 from softlab.cpu_backend.mass_spring.cloth.kernels import PIN_ROWS
-from softlab.cpu_backend.mass_spring.cloth.rows import follow
 from softlab.cpu_backend.mass_spring.cloth.stage_forces import make_spring_stage
 from softlab.cpu_backend.mass_spring.motion_stages import bind_motion, make_motion_stages
 from softlab.model.base.types import Real
-from softlab.model.base.variant import filled, routine
+from softlab.model.base.variant import routine
 from softlab.model.contact.cloth_parameters import (
     P_MOTION,
     PIN_FIELDS,
@@ -52,7 +51,7 @@ def pins(bodies, first, rows, columns, step, halfway, record, state):
 
 def make_pin_stage(compiler: Compiler, real: Real, parts: frozenset[str]) -> Callable:
     """Compile `pins`."""
-    return compiler.kernel(compiler.variant_of(real).copied(filled(pins, {"follow": make_follow(compiler, real)})))
+    return compiler.kernel(compiler.variant_of(real).copied(pins))
 
 
 @cache

@@ -17,9 +17,9 @@ import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import BLOCK, L_COLUMNS, row_at
-from softlab.cpu_backend.core.own_forces import make_particle_force_row
+from softlab.cpu_backend.core.own_forces import add_2d, with_forces
 from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, Open, filled, routine, row_routine
+from softlab.model.base.variant import FEATURE, filled, routine, row_routine
 from softlab.model.core.integrators import step_formula
 from softlab.model.formulas.springs import spring_acceleration_2d
 from softlab.model.mass_spring.plan import sheet_features
@@ -27,7 +27,6 @@ from softlab.model.mass_spring.plan import sheet_features
 # rows of accelerations of a band: two sums for the step, and two for the step before (velocity Verlet)
 CLOSE_X, CLOSE_Y, OPEN_X, OPEN_Y = range(4)
 SUM_ROWS = 4
-add_particle_force = Open("add(count, first, step, parameters, integers, x, y): of core/own_forces.py")
 
 
 def variant_name(kernel: str, real: Real, math: str, integrator: str, parts: frozenset[str]) -> str:
@@ -38,11 +37,8 @@ def variant_name(kernel: str, real: Real, math: str, integrator: str, parts: fro
 
 def grid_kernel(compiler: Compiler, kernel: Callable, real: Real, integrator: str, parts: frozenset[str]) -> Callable:
     """Return a copy of a kernel of the grid for a scene's `parts`, which the compiler compiles."""
-    names = {
-        "add_particle_force": make_particle_force_row(compiler, real, 2, parts), "one_force": step_formula(integrator)
-    }  # fmt: skip
-    features = sheet_features(integrator, parts)
-    return compiler.variant_of(real, features).copied(filled(kernel, names))
+    variant = compiler.variant_of(real, sheet_features(integrator, parts) | {"axes": 2})
+    return variant.copied(with_forces(filled(kernel, {"one_force": step_formula(integrator)}), parts))
 
 
 @routine
@@ -144,10 +140,10 @@ def add_later_parts(i, column, blocks, layout, parameters, integers, step, sums,
         for j in range(count):
             open_x[j] = close_x[j]
             open_y[j] = close_y[j]
-        add_particle_force(count, i * columns + column, step, parameters, integers, open_x, open_y)
+        add_2d(count, i * columns + column, step, parameters, integers, open_x, open_y)
     if FEATURE.forced:
         closing = step - 1 if FEATURE.changing and FEATURE.verlet else step
-        add_particle_force(count, i * columns + column, closing, parameters, integers, close_x, close_y)
+        add_2d(count, i * columns + column, closing, parameters, integers, close_x, close_y)
 
 
 @routine

@@ -18,9 +18,10 @@ from softlab.gpu_backend.core.compile import kernel_options, make_kernel, varian
 from softlab.gpu_backend.core.device import ALIGNMENT, simulated
 from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
+from softlab.gpu_backend.core.wind import air_now
 from softlab.gpu_backend.core.world import Cell, World
 from softlab.gpu_backend.mass_spring.cloth.moves import moves_of
-from softlab.gpu_backend.mass_spring.cloth.point import air_now, cloth_features, current_step, open_functions
+from softlab.gpu_backend.mass_spring.cloth.point import cloth_features, current_step, of_scene
 from softlab.model.base.variant import FEATURE, Open, filled, inlined_routine, routine
 from softlab.model.mass_spring.cloth_plan import kicks_coupled
 
@@ -132,6 +133,6 @@ def make_cloth_block(real: Any, math: str, integrator: str, parts: frozenset[str
         "scalar": np.dtype(real) if simulated() else real,
     }
     variant = device_variant(real, math, {**cloth_features(integrator, parts), "neighbour_velocities": moving})
-    kernel = variant.copied(filled(block_steps, {**open_functions(real, math, integrator, parts), **names}))
+    kernel = variant.copied(of_scene(filled(block_steps, names), integrator, parts))
     label = variant_name(real, math, integrator, parts, threads)
     return make_kernel(kernel, label, launch_bounds=(threads, 1), **kernel_options(math))

@@ -18,7 +18,8 @@ from softlab.gpu_backend.core.compile import Kernel, kernel_options, make_kernel
 from softlab.gpu_backend.core.cooperative import Cooperative
 from softlab.gpu_backend.core.device import Arguments, simulated
 from softlab.gpu_backend.core.formulas import device_variant
-from softlab.gpu_backend.core.meeting import make_barrier
+from softlab.gpu_backend.core.meeting import barrier
+from softlab.gpu_backend.core.wind import air_now
 from softlab.gpu_backend.core.world import Cell, World
 from softlab.gpu_backend.mass_spring.cloth.implicit_point import (
     Work,
@@ -30,10 +31,10 @@ from softlab.gpu_backend.mass_spring.cloth.implicit_point import (
     start,
     update,
 )
-from softlab.gpu_backend.mass_spring.cloth.point import air_now, cloth_features, current_step, open_functions
+from softlab.gpu_backend.mass_spring.cloth.point import cloth_features, current_step, of_scene
 from softlab.model.base.errors import SceneError
 from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, Open, filled, inlined_routine, real, routine
+from softlab.model.base.variant import FEATURE, filled, inlined_routine, real, routine
 from softlab.model.formulas import implicit
 from softlab.model.formulas.implicit import (
     FINISH,
@@ -68,7 +69,6 @@ TOGETHER = 2  # minimum number of blocks per multiprocessor, which bounds their 
 SHARED = SUMS * TREE  # numbers in shared memory
 WARPS = not simulated()
 lanes, segment, tree, half_tree = np.int32(LANES), np.int32(SEGMENT), np.int32(TREE), np.int32(TREE // 2)
-barrier = Open("barrier(flags, wanted): of core/meeting.py")
 
 
 @inlined_routine
@@ -223,8 +223,7 @@ def make_cloth_implicit(real: Real, math: str, linear: bool, parts: frozenset[st
     launch; `done` (len(DONE),) int64 is incremented; the rest is as in mass_spring/cloth/kernels.py. With `linear` a
     step ends after its first matrix.
     """
-    functions = open_functions(real, math, "implicit-euler", parts)
-    kernel = filled(implicit_steps, {**functions, **implicit_sums(parts), "barrier": make_barrier(math)})
+    kernel = of_scene(filled(implicit_steps, implicit_sums(parts)), "implicit-euler", parts)
     features = {**cloth_features("implicit-euler", parts), "implicit": True, "linear": linear}
     kernel = device_variant(real, math, features).copied(kernel)
     label = variant_name(real, math, linear, parts)

@@ -11,15 +11,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from softlab.gpu_backend.contact.colliders import collide
+from softlab.gpu_backend.contact.pins import pin
+from softlab.gpu_backend.core.forces import add_particle_force
 from softlab.gpu_backend.core.quads import load_quad, store_quad
-from softlab.gpu_backend.mass_spring.cloth.point import (
-    add_particle_force,
-    collide,
-    pin,
-    pulls_of,
-    spring_sum,
-    steady,
-)
+from softlab.gpu_backend.mass_spring.cloth.point import pulls_of, spring_sum, steady
 from softlab.model.base.variant import FEATURE, Open, filled, inlined_routine
 from softlab.model.formulas.implicit import added, applied
 from softlab.model.formulas.implicit import residual as missing

@@ -16,9 +16,10 @@ from numba import cuda
 from softlab.gpu_backend.core.compile import Kernel, kernels_of, variant_name
 from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.quads import load_quad, store_quad
+from softlab.gpu_backend.core.wind import block_air
 from softlab.gpu_backend.core.world import Cell, World
 from softlab.gpu_backend.mass_spring.cloth.moves import RK4_OFFSETS, moves_of, rk4_mass
-from softlab.gpu_backend.mass_spring.cloth.point import block_air, cloth_features, current_step, open_functions
+from softlab.gpu_backend.mass_spring.cloth.point import cloth_features, current_step, of_scene
 from softlab.model.base.types import Real
 from softlab.model.base.variant import FEATURE, Open, filled, routine
 
@@ -87,13 +88,10 @@ def make_cloth_passes(real: Real, math: str, integrator: str, parts: frozenset[s
     (mass_spring/cloth/point.py), the step counter and the pass's number after it.
     """
     variant = device_variant(real, math, cloth_features(integrator, parts))
-    functions = open_functions(real, math, integrator, parts)
 
     def compiled(name: str, move: Any) -> Kernel:
-        kernel, label = (
-            filled(cloth_pass, {**functions, "move": move}),
-            variant_name(real, math, integrator, parts, name),
-        )
+        kernel = of_scene(filled(cloth_pass, {"move": move}), integrator, parts)
+        label = variant_name(real, math, integrator, parts, name)
         return kernels_of(variant, math, (kernel,), label).cloth_pass
 
     return {name: compiled(name, move) for name, move in moves_of(integrator).items()}
@@ -107,11 +105,10 @@ def make_cloth_rk4_stages(real: Real, math: str, parts: frozenset[str]) -> list[
     record, bodies, integers, counter, pass_number, rows, columns): neighbours are read in (position, velocity), the
     state of the stage; each stage adds to the total, the last one writes the new state to `new`.
     """
-    functions = open_functions(real, math, "rk4", parts)
 
     def compiled(stage: int) -> Kernel:
         variant = device_variant(real, math, {**cloth_features("rk4", parts), "stage": stage})
-        kernel = filled(cloth_rk4, {**functions, "stage_offset": RK4_OFFSETS[stage]})
+        kernel = of_scene(filled(cloth_rk4, {"stage_offset": RK4_OFFSETS[stage]}), "rk4", parts)
         return kernels_of(variant, math, (kernel,), variant_name(real, math, parts, stage)).cloth_rk4
 
     return [compiled(stage) for stage in range(4)]

@@ -6,7 +6,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from softlab.gpu_backend.mass_spring.cloth.point import add_particle_force, collide, damp, pin, steady
+from softlab.gpu_backend.contact.colliders import collide
+from softlab.gpu_backend.contact.pins import pin
+from softlab.gpu_backend.core.forces import add_particle_force
+from softlab.gpu_backend.mass_spring.cloth.point import damp, steady
 from softlab.model.base.variant import FEATURE, Open, filled, inlined_routine
 from softlab.model.formulas.integrators import one_force, rk4_stage, verlet_first_half, verlet_second_half
 

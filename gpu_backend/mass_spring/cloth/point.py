@@ -8,18 +8,14 @@ the edges. Kernels are compiled for the parts of a scene: an absent part leaves 
 
 from __future__ import annotations
 
-from functools import cache
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from softlab.gpu_backend.contact.colliders import make_collide
-from softlab.gpu_backend.contact.pins import make_pins
-from softlab.gpu_backend.core.forces import make_forces
-from softlab.gpu_backend.core.integers import knows_time
+from softlab.gpu_backend.core.forces import add_gravity, particle_features, with_forces
 from softlab.gpu_backend.core.quads import load_quad
-from softlab.gpu_backend.core.wind import make_block_air, make_wind
-from softlab.model.base.types import Real
+from softlab.gpu_backend.core.wind import wind_sum
 from softlab.model.base.variant import FEATURE, Open, filled, inlined_routine
 from softlab.model.contact.cloth_parameters import spring_constants
 from softlab.model.core.integrators import step_formula
@@ -29,15 +25,6 @@ from softlab.model.mass_spring.plan import sheet_features
 from softlab.model.tables.cloth import SPRING_KINDS
 
 ONE, TWO, NO_STEP = np.int32(1), np.int32(2), np.int64(0)
-# functions of other packages, which `open_functions` compiles
-add_gravity = Open("add_gravity(ax, ay, az, parameters): of core/forces.py")
-add_particle_force = Open("add_particle_force(ax, ay, az, k, weight, parameters, integers, step): of core/forces.py")
-air_now = Open("air_now(parameters, integers, step, offset): of core/wind.py")
-block_air = Open("block_air(parameters, integers, step, offset): of core/wind.py")
-collide = Open("collide(before, px, py, pz, vx, vy, vz, world, step): of contact/colliders.py")
-pin = Open("pin(mark, p, step, halfway, world): of contact/pins.py")
-wind_of = Open("wind_of(p, neighbours, parameters, air): of core/wind.py")
-wind_sum = Open("wind_sum(position, velocity, place, cell, p, v, parameters, air): of core/wind.py")
 # of `pull`, for a kind of springs: names of their constants; whether they have a damper; its formula
 k_stiffness, k_rest, k_damping = Open("k_stiffness: a name"), Open("k_rest: a name"), Open("k_damping: a name")
 has_damper, at_end = Open("has_damper: a bool"), Open("at_end: a bool")
@@ -179,18 +166,11 @@ def pulls_of(parts: frozenset[str], system: str = "") -> dict[str, Any]:
     return pulls
 
 
-@cache
-def open_functions(real: Real, math: str, integrator: str, parts: frozenset[str]) -> dict[str, Any]:
-    """Return what the open names of a cloth's kernels stand for in a scene."""
-    forces, winds = make_forces(real, math, parts), make_wind(real, math, parts)
-    return {
-        **pulls_of(parts), "add_gravity": forces.add_gravity, "add_particle_force": forces.add_particle_force,
-        "air_now": winds.air_now, "block_air": make_block_air(real, math, parts), "collide": make_collide(real, math, parts),
-        "one_force": step_formula(integrator), "pin": make_pins(real, math, parts).pin, "wind_of": winds.wind_of,
-        "wind_sum": winds.wind_sum,
-    }  # fmt: skip
+def of_scene(kernel: Callable, integrator: str, parts: frozenset[str]) -> Any:
+    """Return a kernel with the springs and forces of a scene and the formula of an integrator."""
+    return with_forces(filled(kernel, {**pulls_of(parts), "one_force": step_formula(integrator)}), parts)
 
 
 def cloth_features(integrator: str, parts: frozenset[str]) -> dict[str, Any]:
     """Return the features of a cloth's kernels."""
-    return {**sheet_features(integrator, parts), "damped": True, "timed": knows_time(parts)}
+    return {**sheet_features(integrator, parts), **particle_features(parts), "damped": True}

@@ -18,6 +18,7 @@ through the second-level cache, about 600 cycles or 0.35 us.
 
 from __future__ import annotations
 
+from collections import namedtuple
 from functools import cache
 from typing import Any
 
@@ -25,15 +26,15 @@ import numpy as np
 from numba import cuda
 
 from softlab.gpu_backend.core.blocks import PATIENCE, raise_flag, read_flag
-from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
+from softlab.gpu_backend.core.compile import kernel_options, make_kernel, variant_name
 from softlab.gpu_backend.core.device import ALIGNMENT, simulated
 from softlab.gpu_backend.core.formulas import device_variant
-from softlab.gpu_backend.core.messages import make_messages, pause
+from softlab.gpu_backend.core.messages import pause, receive, send
 from softlab.gpu_backend.core.planes import near
 from softlab.gpu_backend.core.tiling import Tile
 from softlab.gpu_backend.core.world import Cell, World
 from softlab.gpu_backend.mass_spring.cloth.moves import kicks_of
-from softlab.gpu_backend.mass_spring.cloth.point import cloth_features, current_step, open_functions
+from softlab.gpu_backend.mass_spring.cloth.point import cloth_features, current_step, of_scene
 from softlab.gpu_backend.mass_spring.cloth.strips import Moment, Strip, put, sides, step_strip, strip_functions
 from softlab.gpu_backend.mass_spring.cloth.tiles import (
     air_of,
@@ -49,17 +50,20 @@ from softlab.gpu_backend.mass_spring.cloth.tiles import (
     write,
 )
 from softlab.gpu_backend.mass_spring.tile_bits import bits_between
-from softlab.model.base.tuples import reader
-from softlab.model.base.variant import FEATURE, Open, filled, inlined_routine, real, routine
+from softlab.model.base.variant import FEATURE, Open, filled, inlined_routine, real, routine, unrolled
 from softlab.model.contact.cloth_parameters import CLOTH_PARAMETERS
 
 # Cycles between a block's own sending and its first check of others' messages. All blocks send at about the same time,
 # and a check that comes a little too soon costs another memory access, about 600 cycles.
 FIRST_CHECK = 0
-constants = Open("constants(parameters): the record's values, read once")
-receive = Open("receive(messages, at, tag): of core/messages.py")
+Values, NUMBERS = namedtuple("Values", CLOTH_PARAMETERS), len(CLOTH_PARAMETERS)
 scalar = Open("scalar: type of a number, in the form for shared arrays")
-send = Open("send(messages, at, x, y, z, tag): of core/messages.py")
+
+
+@inlined_routine
+def values_of(parameters):
+    """Return the record's values. A loop keeps those in registers, and would read the record again after each barrier."""
+    return Values(*tuple(parameters[CLOTH_PARAMETERS[n]] for n in unrolled(NUMBERS)))
 
 
 @inlined_routine
@@ -131,7 +135,7 @@ def cloth_resident(
     if j >= column_first and j < column_end:
         owned_rows = bits_between(row_first, row_end, i)
     border = border_bits(owned_rows, i, j, extent, rows, columns)
-    values, where = constants(parameters), sides(Cell(i, j, rows, columns))
+    values, where = values_of(parameters), sides(Cell(i, j, rows, columns))
     world = World(values, bodies, integers)
     first = current_step(counter, np.int64(0))
     clear(shared, thread)
@@ -182,16 +186,14 @@ def make_cloth_resident(real: Any, math: str, integrator: str, parts: frozenset[
     `failed` (1,) int32 is set to 1 by a block whose messages never arrive. Launched cooperatively, one block per tile,
     of tile.threads threads in a row, and tiling.tile_bytes of shared memory.
     """
-    kicks, messages = kicks_of(integrator), make_messages(real)
+    kicks = kicks_of(integrator)
     names = {
-        **open_functions(real, math, integrator, parts), **strip_functions(tile.strip, parts),
-        "constants": reader(CLOTH_PARAMETERS, inlined(math)), "kick": kicks.get("middle", kicks.get("step")),
-        "publish": send_mass, "receive": messages.receive, "scalar": np.dtype(real) if simulated() else real,
-        "send": messages.send,
+        **strip_functions(tile.strip, parts),
+        "kick": kicks.get("middle", kicks.get("step")), "publish": send_mass,
+        "scalar": np.dtype(real) if simulated() else real,
     }  # fmt: skip
     variant = device_variant(real, math, {**cloth_features(integrator, parts), **cloth_tile_features(tile, parts)})
     bounds = (tile.threads, cloth_blocks_together(real, tile, parts))
     label = variant_name(real, math, integrator, parts, tile.name, FIRST_CHECK)
-    return make_kernel(
-        variant.copied(filled(cloth_resident, names)), label, launch_bounds=bounds, **kernel_options(math)
-    )
+    kernel = variant.copied(of_scene(filled(cloth_resident, names), integrator, parts))
+    return make_kernel(kernel, label, launch_bounds=bounds, **kernel_options(math))

@@ -14,23 +14,17 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
+from softlab.gpu_backend.contact.colliders import collide as collide_point
+from softlab.gpu_backend.contact.pins import pin
 from softlab.gpu_backend.core.compile import kernels_of, variant_name
 from softlab.gpu_backend.core.forces import bind_forces
 from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
+from softlab.gpu_backend.core.wind import block_air, wind_sum
 from softlab.gpu_backend.core.world import Cell, World
-from softlab.gpu_backend.mass_spring.cloth.point import (
-    block_air,
-    cloth_features,
-    damp,
-    open_functions,
-    pin,
-    spring_sum,
-    wind_sum,
-)
-from softlab.gpu_backend.mass_spring.cloth.point import collide as collide_point
+from softlab.gpu_backend.mass_spring.cloth.point import cloth_features, damp, of_scene, spring_sum
 from softlab.model.base.types import Real
-from softlab.model.base.variant import filled, routine
+from softlab.model.base.variant import routine
 from softlab.model.core.plan import Moment, StageRun
 from softlab.model.formulas.integrators import one_force, rk4_stage, verlet_first_half, verlet_second_half
 
@@ -171,11 +165,9 @@ def moving_pins(position, velocity, record, bodies, step, halfway):
 
 
 def _compiled(real: Real, math: str, integrator: str, parts: frozenset[str], *kernels: Callable) -> SimpleNamespace:
-    functions = open_functions(real, math, integrator, parts)
-    functions = {**functions, "collide_point": functions["collide"]}
     variant = device_variant(real, math, cloth_features(integrator, parts))
     label = f"cloth_{variant_name(real, math, integrator, parts)}"
-    return kernels_of(variant, math, [filled(kernel, functions) for kernel in kernels], label)
+    return kernels_of(variant, math, [of_scene(kernel, integrator, parts) for kernel in kernels], label)
 
 
 @cache

@@ -21,9 +21,10 @@ import numpy as np
 
 from softlab.gpu_backend.core.planes import near, put_near
 from softlab.gpu_backend.core.quads import load_quad
+from softlab.gpu_backend.core.wind import wind_of
 from softlab.gpu_backend.core.world import World
 from softlab.gpu_backend.mass_spring.cloth.moves import kick
-from softlab.gpu_backend.mass_spring.cloth.point import carried, k_damping, k_rest, k_stiffness, paired, wind_of
+from softlab.gpu_backend.mass_spring.cloth.point import carried, k_damping, k_rest, k_stiffness, paired
 from softlab.model.base.variant import FEATURE, Open, filled, inlined_routine
 from softlab.model.contact.cloth_parameters import CLOTH_PARAMETERS, spring_constants
 from softlab.model.formulas.springs import damped_pull_3d, spring_acceleration_3d

@@ -12,7 +12,7 @@ from numba import cuda
 from softlab.gpu_backend.core.planes import near
 from softlab.gpu_backend.core.quads import load_quad, store_quad
 from softlab.gpu_backend.core.tiling import Tile, blocks_together
-from softlab.gpu_backend.mass_spring.cloth.point import air_now
+from softlab.gpu_backend.core.wind import air_now
 from softlab.gpu_backend.mass_spring.cloth.strips import put
 from softlab.gpu_backend.mass_spring.cloth.tiling import (
     fields,

@@ -22,11 +22,17 @@ from softlab.gpu_backend.core.compile import Kernel, kernels_of, variant_name
 from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.pairs import load_pair, store_pair
 from softlab.gpu_backend.core.world import Cell
-from softlab.gpu_backend.mass_spring.grid.point import acceleration, current_step, moves_of, open_functions, spring_sum
+from softlab.gpu_backend.mass_spring.grid.point import (
+    acceleration,
+    current_step,
+    grid_features,
+    moves_of,
+    of_scene,
+    spring_sum,
+)
 from softlab.model.base.types import Real
 from softlab.model.base.variant import FEATURE, Open, filled, routine
 from softlab.model.formulas.integrators import rk4_stage
-from softlab.model.mass_spring.plan import sheet_features
 
 move = Open("move(k, ax, ay, p, v, parameters, integers, step): of point.moves_of")
 
@@ -131,13 +137,13 @@ def make_passes(real: Real, math: str, integrator: str, parts: frozenset[str]) -
     pinned, rows, columns): complex (particles,) arrays, the constants, the step counter and the pass's number after it,
     which rows have pins and which masses are pinned.
     """
-    variant = device_variant(real, math, sheet_features(integrator, parts))
+    variant = device_variant(real, math, grid_features(integrator, parts))
 
     def compiled(name: str) -> Kernel:
         kernel, label = filled(grid_pass, {"move": moves[name]}), variant_name(real, math, integrator, parts, name)
         return kernels_of(variant, math, (kernel,), label).grid_pass
 
-    moves = moves_of(real, math, integrator, parts)
+    moves = moves_of(integrator, parts)
     return {name: compiled(name) for name in moves}
 
 
@@ -149,10 +155,10 @@ def make_rk4_stages(real: Real, math: str, parts: frozenset[str]) -> list[Kernel
     record, integers, counter, pass_number, pinned_row, pinned, rows, columns): neighbours are read in (position,
     velocity), the state of the stage; each stage adds to the total, the last one writes the new state to `new`.
     """
-    kernel = filled(rk4_pass, open_functions(real, math, "rk4", parts))
+    kernel = of_scene(rk4_pass, "rk4", parts)
 
     def compiled(stage: int) -> Kernel:
-        variant = device_variant(real, math, {**sheet_features("rk4", parts), "stage": stage})
+        variant = device_variant(real, math, {**grid_features("rk4", parts), "stage": stage})
         return kernels_of(variant, math, (kernel,), variant_name(real, math, parts, stage)).rk4_pass
 
     return [compiled(stage) for stage in range(4)]

@@ -9,21 +9,19 @@ instruction.
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache
 from typing import Any
 
 import numpy as np
 
-from softlab.gpu_backend.core.forces import make_particle_force
+from softlab.gpu_backend.core.forces import particle_force, with_forces
 from softlab.gpu_backend.core.pairs import load_pair
-from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, Open, filled, inlined_routine, routine
+from softlab.model.base.variant import FEATURE, filled, inlined_routine, routine
 from softlab.model.core.integrators import step_formula
 from softlab.model.formulas.integrators import one_force, verlet_first_half, verlet_second_half
 from softlab.model.formulas.springs import damped, spring_acceleration_2d
+from softlab.model.mass_spring.plan import sheet_features
 
 ONE, NO_STEP = np.int32(1), np.int64(0)
-particle_force = Open("particle_force(a, k, weight, parameters, integers, step): of core/forces.py")
 
 
 @inlined_routine
@@ -143,13 +141,17 @@ def middle_mass(k, ax, ay, p, v, parameters, integers, step):
     return px, py, vx, vy
 
 
-@cache
-def open_functions(real: Real, math: str, integrator: str, parts: frozenset[str]) -> dict[str, Any]:
-    """Return what the open names of this file stand for in a scene."""
-    return {"one_force": step_formula(integrator), "particle_force": make_particle_force(real, math, 2, parts)}
+def of_scene(kernel: Callable, integrator: str, parts: frozenset[str]) -> Any:
+    """Return a kernel with the forces of a scene and the formula of an integrator."""
+    return with_forces(filled(kernel, {"one_force": step_formula(integrator)}), parts)
 
 
-def moves_of(real: Real, math: str, integrator: str, parts: frozenset[str]) -> dict[str, Callable]:
+def grid_features(integrator: str, parts: frozenset[str]) -> dict[str, Any]:
+    """Return the features of a grid's kernels."""
+    return {**sheet_features(integrator, parts), "axes": 2}
+
+
+def moves_of(integrator: str, parts: frozenset[str]) -> dict[str, Callable]:
     """Return the motion of one mass by the name of the pass: `step` of one-force integrators; `opening`, `middle`,
     `closing` of velocity Verlet.
 
@@ -159,4 +161,4 @@ def moves_of(real: Real, math: str, integrator: str, parts: frozenset[str]) -> d
     moves: dict[str, Callable] = {"step": step_mass}
     if integrator == "velocity-verlet":
         moves = {"opening": opening_mass, "middle": middle_mass, "closing": closing_mass}
-    return {name: filled(move, open_functions(real, math, integrator, parts)) for name, move in moves.items()}
+    return {name: of_scene(move, integrator, parts) for name, move in moves.items()}

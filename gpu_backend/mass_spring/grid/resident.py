@@ -24,12 +24,12 @@ from softlab.gpu_backend.core.tiling import Tile
 from softlab.gpu_backend.core.world import Cell
 from softlab.gpu_backend.mass_spring.grid.strips import StripState, pin_bits_of, read_strip
 from softlab.gpu_backend.mass_spring.grid.tiles import (
-    constants,
     grid_blocks_together,
     middle,
     on_tiles,
     pair_dtype,
     place_of,
+    values_of,
     write,
 )
 from softlab.gpu_backend.mass_spring.tile_bits import bits_between
@@ -100,7 +100,7 @@ def resident(
             column_end < columns and j >= column_end - FEATURE.halo
         ):
             border = owned_rows
-    values = constants(parameters)
+    values = values_of(parameters)
     read_strip(position, velocity, vx, vy, both, place, Cell(i, j, rows, columns))
     pin_bits = pin_bits_of(pinned, Cell(i, j, rows, columns))
     state = StripState(i, j, place, left, right, above, below, vx, vy, pin_bits)

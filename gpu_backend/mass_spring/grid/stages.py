@@ -13,10 +13,10 @@ import numpy as np
 from numba import cuda
 
 from softlab.gpu_backend.core.compile import Kernel, kernels_of, variant_name
-from softlab.gpu_backend.core.forces import make_particle_force
+from softlab.gpu_backend.core.forces import particle_force, with_forces
 from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.world import Cell
-from softlab.gpu_backend.mass_spring.grid.point import pair, particle_force, spring_sum
+from softlab.gpu_backend.mass_spring.grid.point import grid_features, pair, spring_sum
 from softlab.model.base.types import Real
 from softlab.model.base.variant import filled, routine
 from softlab.model.core.integrators import step_formula
@@ -24,7 +24,6 @@ from softlab.model.core.own_forces import WINDOW, particle_forces
 from softlab.model.core.plan import Moment, StageRun
 from softlab.model.formulas.integrators import one_force, rk4_stage, verlet_first_half, verlet_second_half
 from softlab.model.formulas.springs import damped
-from softlab.model.mass_spring.plan import sheet_features
 
 STAGE_PARTS = frozenset({"springs", "gravity", "damping"})
 
@@ -133,10 +132,10 @@ def pins(pinned, stored, position, velocity):
 @cache
 def make_force_stages(real: Real, math: str, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
     """Compile the stages that sum the acceleration. State and acceleration are complex (particles,)."""
-    variant = device_variant(real, math, sheet_features(integrator, parts | STAGE_PARTS))
+    variant = device_variant(real, math, grid_features(integrator, parts | STAGE_PARTS))
 
     def stage_of(part: str) -> Kernel:
-        stage = filled(force, {"particle_force": make_particle_force(real, math, 2, parts & {WINDOW} | {part})})
+        stage = with_forces(force, parts & {WINDOW} | {part})
         return kernels_of(variant, math, (stage,), variant_name(real, math, parts)).force
 
     kernels = (spring_forces, no_forces, gravity, damping)
@@ -148,7 +147,7 @@ def make_force_stages(real: Real, math: str, integrator: str, parts: frozenset[s
 @cache
 def make_motion_stages(real: Real, math: str, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
     """Compile the stages that move masses."""
-    variant = device_variant(real, math, sheet_features(integrator, parts | STAGE_PARTS))
+    variant = device_variant(real, math, grid_features(integrator, parts | STAGE_PARTS))
     kernels = (filled(integrate, {"one_force": step_formula(integrator)}), first_kick, second_kick, accumulate, pins)
     return kernels_of(variant, math, kernels, variant_name(real, math, integrator, parts))
 

@@ -11,19 +11,20 @@ Variants made of the same step of a tile (mass_spring/grid/strips.py):
 
 from __future__ import annotations
 
+from collections import namedtuple
 from functools import cache
 from typing import Any
 
 import numpy as np
 from numba import cuda
 
-from softlab.gpu_backend.core.compile import inlined, kernel_options, make_kernel, variant_name
+from softlab.gpu_backend.core.compile import kernel_options, make_kernel, variant_name
 from softlab.gpu_backend.core.device import ALIGNMENT
 from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.pairs import load_pair, store_pair
 from softlab.gpu_backend.core.tiling import Tile, blocks_together
 from softlab.gpu_backend.core.world import Cell
-from softlab.gpu_backend.mass_spring.grid.point import current_step, moves_of
+from softlab.gpu_backend.mass_spring.grid.point import current_step, grid_features, moves_of
 from softlab.gpu_backend.mass_spring.grid.strips import (
     ON_TILES,
     StripState,
@@ -34,15 +35,19 @@ from softlab.gpu_backend.mass_spring.grid.strips import (
     step_strip,
 )
 from softlab.gpu_backend.mass_spring.tile_bits import bits_between, tile_features
-from softlab.model.base.tuples import reader
-from softlab.model.base.variant import FEATURE, Open, Variant, filled, inlined_routine, real, routine
-from softlab.model.mass_spring.plan import sheet_features
+from softlab.model.base.variant import FEATURE, Open, Variant, filled, inlined_routine, real, routine, unrolled
 
-constants = Open("constants(parameters): the record's values, read once")
+Values, NUMBERS = namedtuple("Values", ON_TILES), len(ON_TILES)
 opening = Open("opening: as `middle`, of velocity Verlet's first pass")
 middle = Open("middle: `run_steps` of a pass")
 closing = Open("closing: as `middle`, of velocity Verlet's last pass")
 pair_dtype = Open("pair_dtype: of strips.pair_type")
+
+
+@inlined_routine
+def values_of(parameters):
+    """Return the record's values. A loop keeps those in registers, and would read the record again after each barrier."""
+    return Values(*tuple(parameters[ON_TILES[n]] for n in unrolled(NUMBERS)))
 
 
 @inlined_routine
@@ -131,7 +136,7 @@ def tile_pass(
     number = np.int32(np.int32(cuda.blockIdx.y) + first)
     i, j, (place, left, right, above, below), owned = place_of(number, np.int32(count), rows, columns)
     row_first, row_end, column_first, column_end = owned
-    values = constants(parameters)
+    values = values_of(parameters)
     read_strip(position, velocity, vx, vy, both, place, Cell(i, j, rows, columns))
     pin_bits = pin_bits_of(pinned, Cell(i, j, rows, columns))
     state = StripState(i, j, place, left, right, above, below, vx, vy, pin_bits)
@@ -159,11 +164,11 @@ def on_tiles(
     whole: bool = False,
 ) -> tuple[Variant, Any]:  # fmt: skip
     """Return the variant of a kernel on tiles, and the kernel with what its open names stand for."""
-    features = {**sheet_features(integrator, parts), **tile_features(tile), "cut": cut, "whole": whole}
-    moves = moves_of(real, math, integrator, parts)
+    features = {**grid_features(integrator, parts), **tile_features(tile), "cut": cut, "whole": whole}
+    moves = moves_of(integrator, parts)
     runs = {name: filled(run_steps, {"move": move}) for name, move in moves.items() if name != "step"}
     names = runs or {"middle": filled(run_steps, {"move": moves["step"]})}
-    names |= {"constants": reader(ON_TILES, inlined(math)), "pair_dtype": pair_type(real)}
+    names |= {"pair_dtype": pair_type(real)}
     return device_variant(real, math, features), filled(kernel, names)
 
 

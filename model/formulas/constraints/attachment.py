@@ -11,6 +11,7 @@ from __future__ import annotations
 from softlab.model.base.variant import FEATURE, formula
 from softlab.model.formulas.bending import softness
 from softlab.model.formulas.distance import reciprocal
+from softlab.model.formulas.lengths import moved
 
 WORLD, CLOTH, BODY = 1, 4, 5  # number of corners
 COUNTS = {WORLD: 4, CLOTH: 4, BODY: 5}  # values
@@ -21,11 +22,6 @@ OPERATIONS = {WORLD: 3 + 1 + 12 + 6, CLOTH: 18 + 1 + 11 + 12 + 24, BODY: 24 + 1 
 @formula
 def changed(violation, compliance, multiplier, inverse):
     return (-violation - compliance * multiplier) * inverse
-
-
-@formula
-def moved(point, weight, change):
-    return point[0] + weight * change[0], point[1] + weight * change[1], point[2] + weight * change[2]
 
 
 @formula

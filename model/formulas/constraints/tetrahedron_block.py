@@ -22,7 +22,7 @@ import numpy as np
 
 from softlab.model.base.variant import FEATURE, OfPrecision, formula
 from softlab.model.formulas.elastic.deformation import framed_corners, framed_gradient, rotation
-from softlab.model.formulas.lengths import dot
+from softlab.model.formulas.lengths import dot, moved
 
 OPERATIONS = 36 + 69 + 99 + 45 + 33 + 24  # 1 - S, H + alpha~, Z, R Z, corners, their displacement
 OPERATIONS_DAMPER = 36 + 30 + 18 + 6  # besides a rotation: F at the start, S0, their contribution, 1 + gamma
@@ -73,11 +73,6 @@ def relieved(q, compliance, r, y):
 def row(x, y, z, a):
     """Row (x, y, z) times A."""
     return dot(x, y, z, a[0], a[3], a[6]), dot(x, y, z, a[1], a[4], a[7]), dot(x, y, z, a[2], a[5], a[8])
-
-
-@formula
-def moved(point, weight, direction):
-    return point[0] + weight * direction[0], point[1] + weight * direction[1], point[2] + weight * direction[2]
 
 
 @formula

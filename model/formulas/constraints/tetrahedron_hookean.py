@@ -28,6 +28,7 @@ from softlab.model.formulas.elastic.deformation import (
     determinant,
     framed_corners,
     framed_gradient,
+    inner_product,
 )
 from softlab.model.formulas.lengths import dot
 
@@ -59,8 +60,8 @@ def larger(a, b):
 @formula
 def curvature(f, cofactors, excess, d):
     """q. `excess`: J - 2."""
-    first, squared = product(cofactors, d), product(d, d)
-    second = (excess + excess) * product(f, cofactor(d))
+    first, squared = inner_product(cofactors, d), inner_product(d, d)
+    second = (excess + excess) * inner_product(f, cofactor(d))
     return larger(squared + (first * first + second), squared + squared)
 
 
@@ -99,19 +100,11 @@ def descend(points, before, weights, values, compliance, m, gamma):
     d = framed_gradient(a, b, e, g, values)
     q = curvature(f, c, excess, d)
     if FEATURE.damped:
-        squared = product(d, d)
+        squared = inner_product(d, d)
         q = q + gamma * friction(f, d, grown, squared + squared)
     x = step_of(impulse, compliance, q)
     points = shifted(points[0], x, a), shifted(points[1], x, b), shifted(points[2], x, e), shifted(points[3], x, g)
     return points, (combined(m, x, r) if FEATURE.soft else (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0))
-
-
-@formula
-def product(a, b):
-    """tr(A'B)."""
-    return (dot(a[0], a[1], a[2], b[0], b[1], b[2]) + dot(a[3], a[4], a[5], b[3], b[4], b[5])) + dot(
-        a[6], a[7], a[8], b[6], b[7], b[8]
-    )
 
 
 @formula

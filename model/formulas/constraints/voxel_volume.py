@@ -18,6 +18,7 @@ from __future__ import annotations
 
 from softlab.model.base.variant import FEATURE, formula
 from softlab.model.formulas.bending import shift, softness
+from softlab.model.formulas.constraints.tetrahedron import passed
 from softlab.model.formulas.distance import reciprocal
 from softlab.model.formulas.lengths import cross, dot
 
@@ -85,11 +86,6 @@ def gradients(points):
 @formula
 def square(g):
     return dot(g[0], g[1], g[2], g[0], g[1], g[2])
-
-
-@formula
-def passed(g, now, before):
-    return dot(g[0], g[1], g[2], now[0] - before[0], now[1] - before[1], now[2] - before[2])
 
 
 @formula

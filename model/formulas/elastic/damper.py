@@ -22,7 +22,7 @@ from __future__ import annotations
 from math import sqrt
 
 from softlab.model.base.variant import formula
-from softlab.model.formulas.elastic.deformation import corner
+from softlab.model.formulas.elastic.deformation import times
 from softlab.model.formulas.elastic.tangent import raised
 from softlab.model.formulas.lengths import dot
 
@@ -119,8 +119,8 @@ def block(h, f, ff, n, mu, lame, p, o):
     + mu (F o)(F p)' + lambda (F p)(F o)'."""
     nx, ny, nz = symmetric(n, o[0], o[1], o[2])
     isotropic, shear = dot(p[0], p[1], p[2], nx, ny, nz), mu * dot(p[0], p[1], p[2], o[0], o[1], o[2])
-    px, py, pz = corner(f, p[0], p[1], p[2])
-    ox, oy, oz = corner(f, o[0], o[1], o[2])
+    px, py, pz = times(f, p[0], p[1], p[2])
+    ox, oy, oz = times(f, o[0], o[1], o[2])
     return (
         h[0] + ((isotropic + shear * ff[0]) + (mu + lame) * (px * ox)),
         h[1] + (shear * ff[3] + (mu * (ox * py) + lame * (px * oy))),

@@ -60,17 +60,25 @@ def gradient(a, b, c, d, rest):
 
 
 @formula
-def corner(g, x, y, z):
-    """G times a row of B."""
+def inner_product(a, b):
+    """tr(A'B)."""
+    return (dot(a[0], a[1], a[2], b[0], b[1], b[2]) + dot(a[3], a[4], a[5], b[3], b[4], b[5])) + dot(
+        a[6], a[7], a[8], b[6], b[7], b[8]
+    )
+
+
+@formula
+def times(g, x, y, z):
+    """Matrix, by rows, times a vector."""
     return dot(g[0], g[1], g[2], x, y, z), dot(g[3], g[4], g[5], x, y, z), dot(g[6], g[7], g[8], x, y, z)
 
 
 @formula
 def corners(g, rest):
     """Derivatives by a, b, c, d of a quantity whose derivative by F is `g` (9 numbers)."""
-    b = corner(g, rest[0], rest[1], rest[2])
-    c = corner(g, rest[3], rest[4], rest[5])
-    d = corner(g, rest[6], rest[7], rest[8])
+    b = times(g, rest[0], rest[1], rest[2])
+    c = times(g, rest[3], rest[4], rest[5])
+    d = times(g, rest[6], rest[7], rest[8])
     a = -(b[0] + c[0]) - d[0], -(b[1] + c[1]) - d[1], -(b[2] + c[2]) - d[2]
     return a, b, c, d
 

@@ -31,7 +31,7 @@ from softlab.model.formulas.constraints.tetrahedron import COROTATED, HOOKEAN
 from softlab.model.formulas.elastic import damper, deformation
 from softlab.model.formulas.elastic import energy as energies
 from softlab.model.formulas.elastic.damper import block, resisted, scaled, squared, strain, stressed, symmetric
-from softlab.model.formulas.elastic.deformation import gradient
+from softlab.model.formulas.elastic.deformation import gradient, times
 from softlab.model.formulas.elastic.energy import stress
 from softlab.model.formulas.lengths import dot
 
@@ -123,12 +123,6 @@ def row(values, corner):
         return values[6], values[7], values[8]
     x, y, z = values[0] + values[3], values[1] + values[4], values[2] + values[5]
     return -x - values[6], -y - values[7], -z - values[8]
-
-
-@formula
-def times(g, x, y, z):
-    """Matrix, by rows, times a vector."""
-    return dot(g[0], g[1], g[2], x, y, z), dot(g[3], g[4], g[5], x, y, z), dot(g[6], g[7], g[8], x, y, z)
 
 
 @formula

@@ -18,8 +18,7 @@ from __future__ import annotations
 from softlab.model.base.variant import FEATURE, formula
 from softlab.model.formulas.constraints.tetrahedron import COROTATED, HOOKEAN
 from softlab.model.formulas.elastic import deformation
-from softlab.model.formulas.elastic.deformation import cofactor, determinant, rotation
-from softlab.model.formulas.lengths import dot
+from softlab.model.formulas.elastic.deformation import cofactor, determinant, inner_product, rotation
 
 OPERATIONS_STRESS = 9 + 2 + 27  # F - R, the pressure, the sum of both terms
 
@@ -29,14 +28,6 @@ def operations(material: int, item: int) -> int:
     turn = 0 if material == HOOKEAN else deformation.OPERATIONS_ROTATION[item]
     volume = 17 if material == COROTATED else deformation.OPERATIONS_COFACTOR + deformation.OPERATIONS_DETERMINANT
     return OPERATIONS_STRESS + turn + volume
-
-
-@formula
-def product(a, b):
-    """tr(A'B)."""
-    return (dot(a[0], a[1], a[2], b[0], b[1], b[2]) + dot(a[3], a[4], a[5], b[3], b[4], b[5])) + dot(
-        a[6], a[7], a[8], b[6], b[7], b[8]
-    )
 
 
 @formula
@@ -51,7 +42,7 @@ def parts_of(f, rest):
         f[6] - r[6], f[7] - r[7], f[8] - r[8],
     )  # fmt: skip
     if FEATURE.material == COROTATED:
-        return d, product(r, f) - 3.0, r, r
+        return d, inner_product(r, f) - 3.0, r, r
     g = cofactor(f)
     return d, determinant(f, g) - rest, g, r
 
@@ -60,7 +51,7 @@ def parts_of(f, rest):
 def energy(f, shape, pressure, rest):
     """W [Pa]. For the neo-Hookean material it is not 0 at rest."""
     d, violation, _, _ = parts_of(f, rest)
-    return 0.5 * (shape * product(d, d) + pressure * (violation * violation))
+    return 0.5 * (shape * inner_product(d, d) + pressure * (violation * violation))
 
 
 @formula

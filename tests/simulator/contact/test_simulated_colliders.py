@@ -7,9 +7,11 @@ import pytest
 from collider_touch import CASES, STEP, numbers_of, record, scene_of
 from numba import cuda
 
-from softlab.gpu_backend.contact.colliders import make_collide
+from softlab.gpu_backend.contact import colliders
+from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.integers import BOXES, CAPSULES, INTEGERS, PLANES, SPHERES
 from softlab.gpu_backend.core.world import World
+from softlab.model.base.variant import features_of
 from softlab.model.contact.sheet_plan import cloth_parts
 
 COUNTED = {"plane": PLANES, "sphere": SPHERES, "capsule": CAPSULES, "box": BOXES}
@@ -20,7 +22,7 @@ COUNTED = {"plane": PLANES, "sphere": SPHERES, "capsule": CAPSULES, "box": BOXES
 def test_one_mass_meets_a_collider_on_the_gpu(name: str, real: type) -> None:
     kind, table, (before, position, velocity), expected = CASES[name]
     scene = scene_of(kind, table)
-    collide = make_collide(real, "exact", cloth_parts(scene))
+    collide = device_variant(real, "exact", features_of(cloth_parts(scene)))(colliders.collide)
     found = np.zeros(6, real)
 
     @cuda.jit
