@@ -23,16 +23,16 @@ from softlab.plots.core.data import Results, needed
 CLAIMS = Claims()
 
 
-def _laws(results: Results, law: str, *names: str) -> list[Bar]:
+def _laws(results: Results, law: str, names: set[str]) -> list[Bar]:
     """Return the float64 rows of a law with measures of these names, by substeps. Raises NotMeasured."""
-    rows = [b for b in measured_bars(results) if b.law == law and b.precision == "float64" and {*names} <= {*b.values}]
+    rows = [b for b in measured_bars(results) if b.law == law and b.precision == "float64" and names <= {*b.values}]
     return sorted(needed(rows), key=lambda b: b.substeps)
 
 
 @CLAIMS.add("body-spin", "The spin of a rigid body was not measured.")
 def spin(results: Results) -> Claim:
     """S7 and A8: loss of spin of a rigid body, compared with its law."""
-    rows = _laws(results, SPIN, ANGULAR_MOMENTUM, SPIN_LAW)
+    rows = _laws(results, SPIN, {ANGULAR_MOMENTUM, SPIN_LAW})
     off = max(abs(bar.values[ANGULAR_MOMENTUM] - bar.values[SPIN_LAW]) for bar in rows)
     parts = [f"{percent(bar.values[ANGULAR_MOMENTUM])} at {substeps_of(bar)} a frame" for bar in rows]
     return Claim(
@@ -45,7 +45,7 @@ def spin(results: Results) -> Claim:
 @CLAIMS.add("body-flight", "The momenta of a thrown soft body were not measured.")
 def flight(results: Results) -> Claim:
     """Linear and angular momentum of a thrown, spinning soft body."""
-    rows = _laws(results, FLIGHT, ANGULAR_MOMENTUM, MOMENTUM)
+    rows = _laws(results, FLIGHT, {ANGULAR_MOMENTUM, MOMENTUM})
     off = max(bar.values[MOMENTUM] for bar in rows)
     parts = [f"{percent(1 - bar.values[ANGULAR_MOMENTUM])} at {substeps_of(bar)} a frame" for bar in rows]
     return Claim(
@@ -58,7 +58,7 @@ def flight(results: Results) -> Claim:
 @CLAIMS.add("body-rest", "Whether a dropped soft body comes to rest was not measured.")
 def rest(results: Results) -> Claim:
     """Kinetic energy of a dropped soft body, and whether it comes to rest."""
-    rows = _laws(results, DROP, ENERGY)
+    rows = _laws(results, DROP, {ENERGY})
     parts = [f"{number(bar.values[ENERGY], 1)} at {substeps_of(bar)} a frame" for bar in rows]
     still = [bar for bar in rows if bar.values[ENERGY] < STILL]
     text = (

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial, wraps
+from functools import wraps
 
 from softlab.bench.experiments.accuracy.points import AccuracyPoint
 from softlab.bench.measure import words
@@ -40,7 +40,7 @@ Maker = Callable[..., Claim]  # a function of the results
 class Claims(dict[str, Maker]):
     """Claims of a module by name."""
 
-    def add(self, name: str, missing: str = "", **arguments: object) -> Callable[[Maker], Maker]:
+    def add(self, name: str, missing: str = "", arguments: Sequence[object] = ()) -> Callable[[Maker], Maker]:
         """Add the claim `name`: a function of the results, with these further arguments.
 
         `missing`: the sentence if something was not measured (`needed`), unless that gives one of its own.
@@ -48,14 +48,14 @@ class Claims(dict[str, Maker]):
 
         def added(make: Maker) -> Maker:
             @wraps(make)
-            def made(*args: object, **more: object) -> Claim:
+            def caught(*args: object) -> Claim:
                 try:
-                    return make(*args, **more)
+                    return make(*args)
                 except NotMeasured as reason:
                     return Claim(str(reason) or missing)
 
-            self[name] = partial(made, **arguments)
-            return made
+            self[name] = lambda results: caught(results, *arguments)
+            return caught
 
         return added
 
@@ -124,8 +124,8 @@ def thread_pairs(source: Source, word: str) -> list[tuple[Timing, Timing]]:
     return at_one_size(sound(source.select("cpu", "1x")), sound(source.select("cpu", word)))
 
 
-@CLAIMS.add("threads-small", "More threads than cores were not measured.", end=0)
-@CLAIMS.add("threads-large", "More threads than cores were not measured.", end=-1)
+@CLAIMS.add("threads-small", "More threads than cores were not measured.", (0,))
+@CLAIMS.add("threads-large", "More threads than cores were not measured.", (-1,))
 def threads_at(results: Results, end: int) -> Claim:
     """2x and 4x threads compared with 1x, at the smallest (`end` 0) or largest (-1) size that all were measured at."""
     source = needed(cpu_source(results))
@@ -211,8 +211,8 @@ def _measured_on(results: Results, backend: str) -> tuple[Source, str | None]:
     return (needed(cpu_source(results)), "1x") if backend == "cpu" else (needed(results.with_gpu()), None)
 
 
-@CLAIMS.add("cpu-bandwidth", "How much of the CPU's copy bandwidth a step reaches was not measured.", backend="cpu")
-@CLAIMS.add("gpu-bandwidth", "How much of the GPU's copy bandwidth a step reaches was not measured.", backend="gpu")
+@CLAIMS.add("cpu-bandwidth", "How much of the CPU's copy bandwidth a step reaches was not measured.", ("cpu",))
+@CLAIMS.add("gpu-bandwidth", "How much of the GPU's copy bandwidth a step reaches was not measured.", ("gpu",))
 def bandwidth_reached(results: Results, backend: str) -> Claim:
     """Fraction of the copy bandwidth that a backend reaches at its largest grid."""
     source, word = _measured_on(results, backend)
@@ -236,8 +236,8 @@ def bandwidth_reached(results: Results, backend: str) -> Claim:
     return Claim(text, {"share": reached, "masses": largest.particles}, not doubted)
 
 
-@CLAIMS.add("cpu-float64", "What float64 costs on the CPU was not measured.", backend="cpu")
-@CLAIMS.add("gpu-float64", "What float64 costs on the GPU was not measured.", backend="gpu")
+@CLAIMS.add("cpu-float64", "What float64 costs on the CPU was not measured.", ("cpu",))
+@CLAIMS.add("gpu-float64", "What float64 costs on the GPU was not measured.", ("gpu",))
 def float64_cost(results: Results, backend: str) -> Claim:
     """Time of float64 over that of float32 on a backend's largest grid."""
     source, word = _measured_on(results, backend)

@@ -22,8 +22,8 @@ from softlab.plots.figures.roofline import ceilings
 CLAIMS = Claims()
 
 
-@CLAIMS.add("choice-cpu", "Whether the CPU chooses its fastest kernel was not measured.", backend="cpu")
-@CLAIMS.add("choice-gpu", "Whether the GPU chooses its fastest kernel was not measured.", backend="gpu")
+@CLAIMS.add("choice-cpu", "Whether the CPU chooses its fastest kernel was not measured.", ("cpu",))
+@CLAIMS.add("choice-gpu", "Whether the GPU chooses its fastest kernel was not measured.", ("gpu",))
 def choice(results: Results, backend: str) -> Claim:
     """Number of sizes at which the kernel that a backend chooses is the fastest."""
     source = needed(machine_of(results, backend))
@@ -51,8 +51,8 @@ def choice(results: Results, backend: str) -> Claim:
 ROOF = "How the {}'s kernels stand against its ceilings beyond the caches was not measured."
 
 
-@CLAIMS.add("roof-cpu", ROOF.format("CPU"), backend="cpu")
-@CLAIMS.add("roof-gpu", ROOF.format("GPU"), backend="gpu")
+@CLAIMS.add("roof-cpu", ROOF.format("CPU"), ("cpu",))
+@CLAIMS.add("roof-gpu", ROOF.format("GPU"), ("gpu",))
 def roof(results: Results, backend: str) -> Claim:
     """Largest fraction of the roof of one step per pass that any kernel reaches, and of the arithmetic roof."""
     source = needed(machine_of(results, backend, lambda s: ceilings(s, backend) is not None and not disturbed(s)))
@@ -118,8 +118,8 @@ CLAIMS["starts"] = by_backend(_starts, Sentence(
 # ---------------------------------------------------------------------- more threads than cores
 
 
-@CLAIMS.add("crowded-fused", kernel="fused")
-@CLAIMS.add("crowded-team", kernel="team", against="fused")
+@CLAIMS.add("crowded-fused", "", ("fused",))
+@CLAIMS.add("crowded-team", "", ("team", "fused"))
 def crowded(results: Results, kernel: str, against: str | None = None) -> Claim:
     """A kernel with 4x threads compared with itself with 1x, or with kernel `against` with 4x.
 

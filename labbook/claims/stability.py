@@ -88,8 +88,8 @@ def over(results: Results) -> Claim:
     return Claim(text, numbers, True)
 
 
-@CLAIMS.add("stability-backends", between="backend", one="on one backend")
-@CLAIMS.add("stability-precisions", between="precision", one="in one precision")
+@CLAIMS.add("stability-backends", "", ("backend", "on one backend"))
+@CLAIMS.add("stability-precisions", "", ("precision", "in one precision"))
 def agreement(results: Results, between: str, one: str) -> Claim:
     """Number of points at which backends, or precisions, differ."""
     differing, shared = disagreements(chapter_runs(results)[0], between)

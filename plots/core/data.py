@@ -29,7 +29,7 @@ FULL = (
 
 
 class NotMeasured(Exception):
-    """What a figure or a sentence needs is not among the results; the text says what, unless it is empty."""
+    """A figure or a sentence lacks what it needs; the text says what, unless it is empty."""
 
 
 def needed(value: Selection | None, reason: str = "") -> Selection:

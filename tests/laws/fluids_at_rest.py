@@ -77,8 +77,8 @@ def write_picture() -> None:
 
 def lines() -> list[str]:
     """Return the section of the page."""
-    found = committed()
-    told = ["## Fluids at rest", "", INTRODUCTION, "", f"![{drawing().title}](images/{PICTURE.name})", "", drawing().caption, ""]
+    made, found = drawing(), committed()
+    told = ["## Fluids at rest", "", INTRODUCTION, "", f"![{made.title}](images/{PICTURE.name})", "", made.caption, ""]
     for kind in SCENES:
         told += _table(kind, [row for row in found if row.kind == kind])
     wild = [row for row in found if row.speed and not row.rests and not row.peer]
