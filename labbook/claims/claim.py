@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import wraps
+from inspect import unwrap
 
 from softlab.bench.experiments.accuracy.points import AccuracyPoint
 from softlab.bench.measure import words
@@ -50,7 +51,7 @@ class Claims(dict[str, Maker]):
             @wraps(make)
             def caught(*args: object) -> Claim:
                 try:
-                    return make(*args)
+                    return unwrap(make)(*args)  # of several claims of one function each has its own sentence
                 except NotMeasured as reason:
                     return Claim(str(reason) or missing)
 
