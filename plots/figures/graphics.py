@@ -23,7 +23,9 @@ from softlab.plots.core.style import (
 @as_figure("graphics", "With against without graphics", "nothing was timed with graphics")
 def draw(results: Results) -> Drawing:
     """Return the figure, or the reason why there is none."""
-    figure, chosen = panels(results, lambda source: any(t.graphics for t in source.timings), skipped_reason(results))
+    figure, chosen = panels(
+        results, lambda source: any(t.graphics for t in source.timings), skipped_reason(results) or ""
+    )
     times: list[Timing] = []
     for ax, source in chosen:
         for backend, word, style in (("cpu", "1x", THREADS["1x"]), ("gpu", None, GPU)):
