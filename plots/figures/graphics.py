@@ -23,9 +23,7 @@ from softlab.plots.core.style import (
 @as_figure("graphics", "With against without graphics", "nothing was timed with graphics")
 def draw(results: Results) -> Drawing:
     """Return the figure, or the reason why there is none."""
-    figure, chosen = panels(
-        results, lambda source: any(t.graphics for t in source.timings), skipped_reason(results) or ""
-    )
+    figure, chosen = panels(results, lambda source: any(t.graphics for t in source.timings), skipped_reason(results))
     times: list[Timing] = []
     for ax, source in chosen:
         for backend, word, style in (("cpu", "1x", THREADS["1x"]), ("gpu", None, GPU)):
@@ -47,13 +45,13 @@ def draw(results: Results) -> Drawing:
     return Drawing(figure, caption, tuple(sources))
 
 
-def skipped_reason(results: Results) -> str | None:
-    """Return why the featured machines have no timings with graphics, if the sweep recorded it."""
+def skipped_reason(results: Results) -> str:
+    """Return why the featured machines have no timings with graphics, empty if the sweep did not record it."""
     for source in results.featured:
         for measure in source.measures:
             if measure.name == "skipped" and measure.description.get("graphics"):
-                return measure.reason
-    return None
+                return measure.reason or ""
+    return ""
 
 
 def drawing_costs(source: Source, backend: str, word: str | None) -> list[tuple[Timing, Timing]]:
