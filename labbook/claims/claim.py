@@ -1,8 +1,8 @@
 """Claims of the lab book: functions of the results that return a sentence made from the data.
 
 A claim is `supported` if the things it compares differ (plots/core/apart.py), or if the number it needs was measured.
-Otherwise its sentence is neutral: no difference beyond measurement noise, or not measured (`needed`). Timings with a wrong result
-are not used; suspect ones only where there are no others, and then the sentence says so. Every sentence names the
+Otherwise its sentence is neutral: no difference beyond measurement noise, or not measured (`needed`). Timings with a wrong
+result are not used; suspect ones only where there are no others, and then the sentence says so. Every sentence names the
 machine of its numbers. This file has the claims on threads and on each backend by itself; comparisons and accuracy have
 files of their own.
 """
