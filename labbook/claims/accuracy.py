@@ -144,8 +144,7 @@ def equal_error(results: Results, target: float = 1e-3) -> Claim:
         return {label: row for label, row in rows.items() if row.cpu is not None and row.gpu is not None}
 
     source, rows = needed(results.first_with(compared))
-    parts: list[str] = []
-    numbers: dict[str, float] = {}
+    parts, numbers = list[str](), dict[str, float]()
     for label, row in rows.items():
         assert row.cpu is not None and row.gpu is not None and row.speed_up is not None
         ratio, name = row.speed_up, "" if label == SCENE else f" {label}"

@@ -19,9 +19,7 @@ def costs_of(results: Results) -> Claim:
     """Time of a frame of each method that is CLOSE to the rod, at the fewest such substeps; and the methods that never
     are.
     """
-    parts: list[str] = []
-    numbers: dict[str, float] = {}
-    busy = False
+    parts, numbers, busy = list[str](), dict[str, float](), False
     for backend, source, costs in on_backends(results, on):
         near: dict[str, Cost] = {}
         for cost in sorted((c for c in costs if c.close), key=lambda c: c.frame):

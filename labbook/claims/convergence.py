@@ -115,8 +115,7 @@ def in_float32(results: Results) -> Claim:
 @CLAIMS.add("xpbd-integrators", "Position-based methods were not timed beside integrators.")
 def against_integrators(results: Results, target: float = 1e-2) -> Claim:
     """Fastest position-based method that reaches an error, compared with the fastest integrator."""
-    parts: list[str] = []
-    numbers: dict[str, float] = {}
+    parts, numbers = list[str](), dict[str, float]()
     for scene in ("S1", "S2", "S4", "S5"):
         for source in results.everyone:
             able = reaching(points(source, scene), target)
@@ -148,8 +147,7 @@ def _ordered_pairs(source: Source) -> dict[str, dict[float, list[Point]]]:
 @CLAIMS.add("xpbd-orderings", "The orderings were not timed to equal errors.")
 def orderings(results: Results) -> Claim:
     """Jacobi compared with coloured Gauss-Seidel on a stiff cloth, at equal error, each by its fastest configuration."""
-    parts: list[str] = []
-    numbers: dict[str, float] = {}
+    parts, numbers = list[str](), dict[str, float]()
     source, pairs = needed(results.first_with(_ordered_pairs))
     for backend, by_target in pairs.items():
         ratios = {target: (one.seconds or 0.0) / (base.seconds or 1.0) for target, (base, one) in by_target.items()}

@@ -119,8 +119,7 @@ def _quickest(source: Source, finding: str, backend: str) -> list[tuple[dict[str
 @CLAIMS.add("cost-steady", "Whether the cost of a step depends on its size or on the state was not measured.")
 def steady(results: Results) -> Claim:
     """Largest ratio of the costs of a step of S1 over step sizes and states."""
-    parts: list[str] = []
-    numbers: dict[str, float] = {}
+    parts, numbers = list[str](), dict[str, float]()
     for backend, source, runs in on_backends(results, lambda source, backend: _quickest(source, STEADY, backend)):
         times = [seconds for _, seconds in runs]
         numbers[backend] = max(times) / min(times) - 1
@@ -144,8 +143,7 @@ def _times(source: Source) -> dict[tuple[str, int, int], float]:
 @CLAIMS.add("run-length", "How the speed-up depends on the length of a run was not measured.")
 def run_length(results: Results) -> Claim:
     """Speed of the GPU over that of the CPU of one machine, by the length of the run, with launch and copy."""
-    parts: list[str] = []
-    numbers: dict[str, float] = {}
+    parts, numbers = list[str](), dict[str, float]()
     source, times = needed(results.first_with(_times))
     for rows in sorted({rows for _, rows, _ in times}):
         texts = []

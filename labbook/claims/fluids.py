@@ -48,8 +48,7 @@ def column(results: Results) -> Claim:
     """Efforts that preserve a column in all respects, and the height of the column with others."""
     backend, source, runs = _runs_of(results, COLUMN)
     able = sorted((r for r in runs if _all_at_once(r) and r.frame), key=lambda r: r.frame or 0.0)
-    parts: list[str] = []
-    numbers: dict[str, float] = {}
+    parts, numbers = list[str](), dict[str, float]()
     if able:
         best = able[0]
         numbers |= {f"{best.who} frame": best.frame or 0.0, f"{best.who} mean": best.numbers[laws.MEAN]}
@@ -114,8 +113,7 @@ def dam(results: Results) -> Claim:
 def viscosity(results: Results) -> Claim:
     """Numerical viscosity at the finest spacing, where the scene has none, and its fall with the spacing."""
     _, _, runs = _runs_of(results, VORTICES)
-    parts: list[str] = []
-    numbers: dict[str, float] = {}
+    parts, numbers = list[str](), dict[str, float]()
     for who in dict.fromkeys(r.who for r in runs):
         of_scheme = sorted((r for r in runs if r.who == who), key=lambda r: r.spacing)
         fine, coarse = of_scheme[0], of_scheme[-1]
@@ -157,8 +155,7 @@ def peers(results: Results) -> Claim:
     """Time of other programs for the tank, compared with the lab's at equal error."""
     backend, source, runs = _runs_of(results, TANK)
     timed = [r for r in runs if r.frame]
-    parts: list[str] = []
-    numbers: dict[str, float] = {}
+    parts, numbers = list[str](), dict[str, float]()
     for other in needed([r for r in timed if r.peer and laws.MEAN in r.numbers]):
         able = [r for r in timed if not r.peer and r.numbers.get(laws.MEAN, 1.0) <= other.numbers[laws.MEAN]]
         if able:

@@ -33,8 +33,7 @@ def verdicts(results: Results) -> Claim:
 def laws(results: Results) -> Claim:
     """B21: recovery of shape; B22: loss of volume; B23: no gain of energy with one iteration."""
     rows = _rows(results)
-    parts: list[str] = []
-    numbers: dict[str, float] = {}
+    parts, numbers = list[str](), dict[str, float]()
     ratios, off = _values(rows, "B21", RATIO), _values(rows, "B21", STRETCH)
     if ratios and off:
         numbers |= {"ratio": min(ratios), "stretch": max(off)}

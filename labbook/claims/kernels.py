@@ -76,8 +76,7 @@ def roof(results: Results, backend: str) -> Claim:
 @CLAIMS.add("energy", "No joules were counted: the machine has no energy counter that may be read.")
 def energy(results: Results) -> Claim:
     """Energy of the most and the least economical kernel at the largest size of each backend with a counter."""
-    parts: list[str] = []
-    numbers: dict[str, float] = {}
+    parts, numbers = list[str](), dict[str, float]()
     for backend, source, counted in on_backends(results, counted_joules):
         size = max(t.particles for t, _ in counted)
         here = sorted(((j, t) for t, j in counted if t.particles == size), key=lambda entry: entry[0])

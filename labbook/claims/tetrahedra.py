@@ -85,8 +85,7 @@ def mesh(results: Results) -> Claim:
 @CLAIMS.add("tetrahedra-budget", "What a small error of the solver costs was not measured.")
 def budget(results: Results) -> Claim:
     """Time of a frame within ENOUGH in motion, by the fastest position-based setting and by the fastest other solver."""
-    parts: list[str] = []
-    numbers: dict[str, float] = {}
+    parts, numbers = list[str](), dict[str, float]()
     for backend, source, measured in _of_one_mesh(results):
         texts = []
         for young in sorted({b.young for b in measured}):
@@ -125,9 +124,7 @@ def _of_one_mesh(results: Results) -> list[tuple[str, Source, list[Bar]]]:
 @CLAIMS.add("tetrahedra-total", "No bar was measured that is near the continuum, mesh and solver together.")
 def total(results: Results) -> Claim:
     """Fastest setting within WHOLE of the continuum at rest, mesh and solver together, by Young's modulus."""
-    parts: list[str] = []
-    numbers: dict[str, float] = {}
-    busy = False
+    parts, numbers, busy = list[str](), dict[str, float](), False
     for backend, source, measured in on_backends(results, lambda s, backend: of_one_version(_all(s, backend))):
         texts = []
         for young in sorted({b.young for b in measured}):
@@ -156,9 +153,7 @@ def decided(results: Results) -> Claim:
 
     Both within WITHIN of the mesh's exact rest state and motion; the target is a tenth.
     """
-    parts: list[str] = []
-    numbers: dict[str, float] = {}
-    busy = False
+    parts, numbers, busy = list[str](), dict[str, float](), False
     for backend, source, measured in on_backends(results, _all):
         stiff = [one for one in decisions(measured) if one.young == STIFF and one.best is not None]
         largest = max((one.elements for one in stiff), key=lambda n: (_shared(stiff, n), n), default=0)
