@@ -42,6 +42,7 @@ from softlab.labbook.claims import (
     stability,
     tetrahedra,
 )
+from softlab.labbook.claims.claim import Claim
 from softlab.labbook.claims.declared import claims_of
 from softlab.labbook.facts import facts
 from softlab.labbook.grid_tables import graphics_tables, thread_tables
@@ -161,7 +162,7 @@ def book_data(results: Results) -> dict[str, Any]:
     }
 
 
-def marked_claim(results: Results, name: str) -> claim.Claim:
+def marked_claim(results: Results, name: str) -> Claim:
     """Return a claim of the results, or of the committed measurements if the featured ones lack its data. It is marked if
     it has times of two machines, and if it would differ without measurements of older code."""
     chosen, used = _featured(results, name)
@@ -171,7 +172,7 @@ def marked_claim(results: Results, name: str) -> claim.Claim:
     return replace(chosen, sentence=" ".join([chosen.sentence, *filter(None, marks)]))
 
 
-def _featured(results: Results, name: str) -> tuple[claim.Claim, Results]:
+def _featured(results: Results, name: str) -> tuple[Claim, Results]:
     """Return a claim, and the results that it was made from."""
     featured = CLAIMS[name](results)
     if not featured.numbers and results.committed:

@@ -23,8 +23,8 @@ from softlab.model.base.errors import InputError
 from softlab.plots.core import declared
 from softlab.plots.core.data import Results
 from softlab.plots.core.files import SUFFIXES, save
-from softlab.plots.core.style import Drawing, settings
-from softlab.plots.figures import (
+from softlab.plots.core.style import DRAWN, settings
+from softlab.plots.figures import (  # noqa: F401  their figures enter DRAWN
     ablation,
     bar,
     bar_costs,
@@ -47,51 +47,14 @@ from softlab.plots.figures import (
     time_per_step,
     work_precision,
 )
-from softlab.plots.figures.fluids import phases as fluid_phases
-from softlab.plots.figures.fluids import rest as fluid_rest
-from softlab.plots.figures.fluids import truth as fluid_truth
-from softlab.plots.figures.scaling import gpus, threads
-from softlab.plots.findings import determinism as findings_determinism
-from softlab.plots.findings import float32 as findings_float32
+from softlab.plots.figures.fluids import phases, rest, truth  # noqa: F401
+from softlab.plots.figures.scaling import gpus, threads  # noqa: F401
+from softlab.plots.findings import determinism, float32  # noqa: F401
 
 MAX_HELPERS = 3  # each takes a second or two to start and to read the results
 
-DRAWN: dict[str, tuple[str, Callable[[Results], Drawing | str]]] = {  # name -> title, function that draws it
-    "time-per-step": (time_per_step.TITLE, time_per_step.draw),
-    "thread-scaling": (threads.TITLE, threads.draw),
-    "crossover": (crossover.TITLE, crossover.draw),
-    "graphics": (graphics.TITLE, graphics.draw),
-    "work-precision": (work_precision.TITLE, work_precision.draw),
-    "regimes": (regimes.TITLE, regimes.draw),
-    "lab-step": (lab_step.TITLE, lab_step.draw),
-    "kernels": (kernels.TITLE, kernels.draw),
-    "roofline": (roofline.TITLE, roofline.draw),
-    "gpus": (gpus.TITLE, gpus.draw),
-    "joules": (joules.TITLE, joules.draw),
-    "peers": (peers.TITLE, peers.draw),
-    "peers-sheets": (peers.SHEETS_TITLE, peers.draw_sheets),
-    "stability-stiffness": (stability.TITLE_STIFFNESS, stability.draw_stiffness),
-    "stability-damping": (stability.TITLE_DAMPING, stability.draw_damping),
-    "findings-float32": (findings_float32.TITLE, findings_float32.draw),
-    "findings-determinism": (findings_determinism.TITLE, findings_determinism.draw),
-    "convergence": (convergence.TITLE, convergence.draw),
-    "ablation": (ablation.TITLE, ablation.draw),
-    "tetrahedra": (tetrahedra.TITLE, tetrahedra.draw),
-    "tetrahedra-total": (tetrahedra_total.TITLE, tetrahedra_total.draw),
-    "tetrahedra-decides": (tetrahedra_decides.TITLE, tetrahedra_decides.draw),
-    "tetrahedra-mesh": (tetrahedra_mesh.TITLE, tetrahedra_mesh.draw),
-    "hard-states": (hard.STATES_TITLE, hard.draw_states),
-    "hard-verdicts": (hard.VERDICTS_TITLE, hard.draw_verdicts),
-    "hard-bodies": (hard_bodies.TITLE, hard_bodies.draw),
-    "bar-solvers": (bar.TITLE, bar.draw),
-    "bar-costs": (bar_costs.TITLE, bar_costs.draw),
-    "fluids-truth": (fluid_truth.TITLE, fluid_truth.draw),
-    "fluids-phases": (fluid_phases.TITLE, fluid_phases.draw),
-    "fluids-rest": (fluid_rest.TITLE, fluid_rest.draw),
-    "bar-clusters": (bar.CLUSTERS_TITLE, bar.draw_clusters),
-    **{one.name: (one.figure.title, partial(declared.draw, one)) for one in experiments() if one.figure},
-}
-FIGURES = {name: draw for name, (_, draw) in DRAWN.items()}
+DRAWN |= {one.name: (one.figure.title, partial(declared.draw, one)) for one in experiments() if one.figure}
+FIGURES = {name: draw for name, (_, draw) in sorted(DRAWN.items())}
 TITLES = {name: title for name, (title, _) in DRAWN.items()}
 
 

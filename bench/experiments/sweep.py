@@ -93,30 +93,6 @@ def _quick_cases(
     return selected + (cases_of(scene, backends, threads[:1], precisions[1:], (False,)) if shape[0] == shape[1] else [])
 
 
-def choose_effort(
-    quick: bool,
-    max_seconds: float | None = None,
-    total_seconds: float | None = None,
-    repeats: int | None = None,
-    min_seconds: float | None = None,
-    again: bool = True,
-) -> Effort:
-    """Return the preset with the requested changes. Raises SceneError for a value that is not positive."""
-    for name, value in (
-        ("--max-seconds", max_seconds), ("--total-seconds", total_seconds), ("--repeats", repeats),
-        ("min_seconds", min_seconds),
-    ):  # fmt: skip
-        check_positive(name, value)
-    preset = QUICK if quick else FULL
-    return Effort(
-        repeats or preset.repeats,
-        min_seconds or preset.min_seconds,
-        max_seconds or preset.max_seconds,
-        total_seconds or preset.total_seconds,
-        again=(repeats or preset.repeats) if again and not quick else 0,
-    )
-
-
 def check_positive(name: str, value: float | None) -> None:
     """Raise SceneError naming the option `name` unless `value` is None or finite and greater than 0."""
     if value is not None and not 0 < value < float("inf"):
@@ -147,10 +123,18 @@ class Asked:
     command: str = "softlab sweep"
 
     def effort(self) -> Effort:
-        """Return the effort. Raises SceneError for a value that is not positive."""
-        return choose_effort(
-            self.quick, self.max_seconds, self.total_seconds, self.repeats, self.min_seconds, self.again
-        )
+        """Return the preset with the requested changes. Raises SceneError for a value that is not positive."""
+        for name, value in (
+            ("--max-seconds", self.max_seconds), ("--total-seconds", self.total_seconds), ("--repeats", self.repeats),
+            ("min_seconds", self.min_seconds),
+        ):  # fmt: skip
+            check_positive(name, value)
+        preset = QUICK if self.quick else FULL
+        repeats = self.repeats or preset.repeats
+        return Effort(
+            repeats, self.min_seconds or preset.min_seconds, self.max_seconds or preset.max_seconds,
+            self.total_seconds or preset.total_seconds, again=repeats if self.again and not self.quick else 0,
+        )  # fmt: skip
 
     def grids(self, usual: Iterable[int] | None = None) -> list[Scene]:
         """Return the scene in every size, smallest first; `usual`: squares if none were requested (None: as in
@@ -184,7 +168,12 @@ def run_sweep(
 
 
 class Sweep:
-    """State of a sweep whose grids the runner measures: known costs, and the time that is left."""
+    """State of a sweep whose grids the runner measures: known costs, and the time that is left.
+
+    `whole`: a grid is measured anew if any of its cases is missing.
+    """
+
+    whole = False
 
     def __init__(self, runner: GroupRunner):
         self.runner, self.costs = runner, runner.costs
@@ -200,7 +189,7 @@ class Sweep:
         """Measure what the store lacks of the grids, one after another."""
         return resume(
             self.store, self.summary, grids, lambda case: self._missing(case) <= 0, self._measure,
-            progress=progress, command=command, worth=self._weight,
+            progress=progress, command=command, worth=self._weight, whole=self.whole,
         )  # fmt: skip
 
     def _measure(self, cases: Sequence[Case], report: Report) -> None:

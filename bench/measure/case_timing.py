@@ -13,7 +13,7 @@ from typing import Any, ClassVar
 from softlab.app.driver import open_simulation
 from softlab.bench.measure import experiment
 from softlab.bench.measure.costs_timing import Measures
-from softlab.bench.measure.declaration import PRECISION, Experiment
+from softlab.bench.measure.declaration import PRECISION, Choices, Experiment
 from softlab.bench.measure.experiment import Report, host_of, source_hash
 from softlab.bench.measure.samples import in_turns
 from softlab.bench.measure.timing import Subject, prepare
@@ -148,9 +148,7 @@ class Rates(Experiment):
             for backend in backends
         ]
 
-    def plan(
-        self, store: Store, backends: Sequence[str], quick: bool, options: Mapping[str, Any]
-    ) -> Sequence[Sequence[Case]]:
+    def plan(self, store: Store, backends: Sequence[str], quick: bool, options: Choices) -> Sequence[Sequence[Case]]:
         return self.groups(backends, quick, **options)
 
     def is_stored(self, store: Store, machine: str, quick: bool, case: Case) -> bool:

@@ -15,6 +15,7 @@ from typing import Any, ClassVar
 from rich.console import Console
 from rich.table import Column
 
+from softlab.bench.measure.compile_ahead import Job
 from softlab.bench.measure.experiment import Report, Summary, backends_here, resume
 from softlab.bench.measure.tables import print_table
 from softlab.bench.measure.words import listed
@@ -24,33 +25,43 @@ from softlab.model.base.errors import SceneError
 from softlab.model.core.simulation import PRECISIONS
 
 Value = str | int | float
+Choices = Mapping[str, Any]  # argument of an experiment -> its values
 
 
 @dataclass(frozen=True)
 class Option:
     """An option of an experiment, which may be repeated on the command line, or (`type` bool) a switch.
 
-    `values`: all that are allowed, if they are known; `usual`: those without the option (None: all), `quick`: in a quick
-    run (None: the same).
+    `help`: empty where the command is written by hand; `values`: all that are allowed, if they are known; `usual`: those
+    without the option (None: all; of a switch: off), `quick`: in a quick run (None: the same); `rows`: a first word stands
+    for all values that begin with it.
     """
 
     flag: str
-    help: str
+    help: str = ""
     type: type = str
     values: Sequence[Value] = ()
     usual: Sequence[Value] | None = None
     quick: Sequence[Value] | None = None
+    rows: bool = False
 
     def chosen(self, wanted: Any, quick: bool) -> Any:
         """Return the wanted values, each once, or the usual ones. Raises SceneError for a value that is not allowed."""
         if self.type is bool:
-            return bool(wanted)
-        for value in wanted or ():
-            if self.values and value not in self.values:
-                allowed = ", ".join(one if isinstance(one, str) else f"{one:g}" for one in self.values)
-                raise SceneError(self.flag, value, f"must be one of {allowed}")
+            return bool(self.usual if wanted is None else wanted)
         usual = self.values if self.usual is None else self.usual
-        return list(dict.fromkeys(wanted or (self.quick if quick and self.quick is not None else usual)))
+        wanted = wanted or (self.quick if quick and self.quick is not None else usual)
+        return list(dict.fromkeys(one for value in wanted for one in self._allowed(value)))
+
+    def _allowed(self, value: Value) -> Sequence[Value]:
+        """Return the allowed values that a value stands for. Raises SceneError if there is none."""
+        name = str(value).lower()
+        names = {one: (str(one).lower(), str(one).lower().split()[0] if self.rows else None) for one in self.values}
+        same = [one for one in self.values if one == value or name in names[one]]
+        if self.values and not same:
+            allowed = ", ".join(one if isinstance(one, str) else f"{one:g}" for one in self.values)
+            raise SceneError(self.flag, value, f"must be one of {allowed}")
+        return same or [value]
 
 
 PRECISION = Option(
@@ -115,8 +126,9 @@ class Experiment:
 
     `name`: of its summary and of its versions (bench/keys/versions.py); `command`: the sub-command that measures it, in turn
     with the others of that command; `switch`: the option that asks for it instead of the others; `example`, `quick_help`:
-    texts of the command; `options`: argument -> Option; `on_backends`: whether it has --backend; `in_lab`: measured by
-    `softlab lab`. `table`: head -> cell of a row, with the words `note` below.
+    texts of the command; `options`: argument -> Option; `on_backends`: whether it has --backend; `whole`: a group is
+    measured anew if any of its cases is missing; `in_lab`: measured by `softlab lab`. `table`: head -> cell of a row, with
+    the words `note` below.
     """
 
     name: ClassVar[str]
@@ -127,6 +139,7 @@ class Experiment:
     options: ClassVar[Mapping[str, Option]] = {}
     summary: ClassVar[type[Summary]] = Summary
     on_backends: ClassVar[bool] = True
+    whole: ClassVar[bool] = False
     in_lab: ClassVar[bool] = False
     table: ClassVar[Mapping[str, Cell]] = {}
     note: ClassVar[str] = ""
@@ -148,17 +161,19 @@ class Experiment:
         `quick`: fewer and smaller cases; `backends`: None for all of this machine; `how`: `options`. Raises SceneError (an
         impossible choice), BackendUnavailable, InputError (the store).
         """
-        groups = self.plan(store, backends_here(backends), quick, self.picked(how, quick))
+        options = self.picked(how, quick)
+        groups = self.plan(store, backends_here(backends), quick, options)
         summary = self.summary.begun(store, self.name)
-        return resume(
+        resume(
             store, summary, groups, partial(self.is_stored, store, summary.machine, quick),
             partial(self.measure, store, summary, quick), progress=progress, command=command or self.asked_by(),
-            worth=lambda case: getattr(case, "worth", 1),
+            worth=lambda case: getattr(case, "worth", 1), whole=self.whole, before=partial(self.before, store),
         )  # fmt: skip
+        self.finish(store, summary, [case for group in groups for case in group], options, progress)
+        summary.stop()
+        return summary
 
-    def plan(
-        self, store: Store, backends: Sequence[str], quick: bool, options: Mapping[str, Any]
-    ) -> Sequence[Sequence[Any]]:
+    def plan(self, store: Store, backends: Sequence[str], quick: bool, options: Choices) -> Sequence[Sequence[Any]]:
         """Return the groups of cases."""
         raise NotImplementedError
 
@@ -169,6 +184,13 @@ class Experiment:
     def measure(self, store: Store, summary: Any, quick: bool, group: Sequence[Any], report: Report) -> None:
         """Measure the cases of a group, and store their results."""
         raise NotImplementedError
+
+    def before(self, store: Store, cases: Sequence[Any]) -> Iterable[Job]:
+        """Return jobs beside compiling that are done before these cases are measured."""
+        return ()
+
+    def finish(self, store: Store, summary: Any, cases: Sequence[Any], options: Choices, progress: bool) -> None:
+        """Complete the summary with what the store has of these cases."""
 
     def rows(self, stored: Iterable[Measure], every: bool = False) -> Sequence[Any]:
         """Return the results among the measures; with `every`, those of incomplete states too."""
@@ -192,7 +214,7 @@ class Experiment:
         """Return the command that measures it, as a user types it."""
         return " ".join(filter(None, ("softlab", self.command, self.switch.flag if self.switch else "")))
 
-    def picked(self, how: Mapping[str, Any], quick: bool) -> dict[str, Any]:
+    def picked(self, how: Choices, quick: bool) -> Choices:
         """Return the arguments of `options` with their values. Raises SceneError for a value that is not allowed."""
         if unknown := set(how) - set(self.options):
             raise TypeError(f"{self.name} has no options {', '.join(sorted(unknown))}")

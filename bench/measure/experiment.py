@@ -62,20 +62,6 @@ def backends_here(wanted: Sequence[str] | None) -> list[str]:
     return list(dict.fromkeys(wanted))
 
 
-def chosen(names: Sequence[str] | None, known: Sequence[str], what: str, rows: bool = False) -> list[str]:
-    """Return the entries of `known` that the option `what` selects: those in `names` (None: all), or with `rows` those whose
-    first word is in `names`. Raises SceneError."""
-    if not names:
-        return list(known)
-    picked = []
-    for name in names:
-        matches = [k for k in known if k.lower() == name.lower() or (rows and k.split()[0].lower() == name.lower())]
-        if not matches:
-            raise SceneError(what, name, f"must be one of {', '.join(known)}")
-        picked += matches
-    return list(dict.fromkeys(picked))
-
-
 def described(scene: Scene, backend: str, finding: str, **how: Any) -> dict[str, Any]:
     """Return the configuration of an experiment: the usual entries, its finding and the fields that it varies."""
     known = {name: how.pop(name) for name in ("precision", "math", "kernel") if name in how}

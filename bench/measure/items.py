@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Protocol
 
 from softlab.bench.measure import costs_timing
 from softlab.bench.measure.costs_timing import RATIO, Measures, Record
-from softlab.bench.measure.declaration import Experiment
+from softlab.bench.measure.declaration import Choices, Experiment
 from softlab.bench.measure.experiment import Report, Summary, source_hash, store_measures
 from softlab.bench.store.database import Store
 from softlab.model.base.digest import source_digest
@@ -33,7 +33,7 @@ class Items(Experiment):
     doing: ClassVar[str] = ""
     items: ClassVar[Callable[..., Sequence[Item]]]  # (store, backends, quick, options) -> all, or (`quick`) fewer
 
-    def plan(self, store: Store, backends: Sequence[str], quick: bool, options: Mapping[str, Any]) -> list[list[Item]]:
+    def plan(self, store: Store, backends: Sequence[str], quick: bool, options: Choices) -> list[list[Item]]:
         return [[item] for item in self.items(store, backends, quick, **options)]
 
     def is_stored(self, store: Store, machine: str, quick: bool, case: Item) -> bool:

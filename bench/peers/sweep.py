@@ -16,7 +16,7 @@ from typing import Any
 from softlab.bench.experiments.group import GroupRunner, close_quietly
 from softlab.bench.experiments.sweep import Asked, Sweep
 from softlab.bench.measure.cases import Case, Kind, SweepSummary, record_skip
-from softlab.bench.measure.experiment import Report, backends_here, resume
+from softlab.bench.measure.experiment import Report, backends_here
 from softlab.bench.measure.gpu import gpu_simulated
 from softlab.bench.measure.timing import Subject
 from softlab.bench.peers.answers import Judge
@@ -63,6 +63,7 @@ def run_peers(
 class _Comparison(Sweep):
     """A sweep whose groups are the lab and its peers at one size; `refused`: cases that cannot run here, with reasons."""
 
+    whole = True
     refused: Sequence[tuple[PeerCase, str]] = ()
 
     def compare(
@@ -80,12 +81,12 @@ class _Comparison(Sweep):
                 self._missing(case) <= 0 for case in runnable
             ):  # the lab alone is no comparison
                 able.append(runnable)
-        resume(
-            self.store, self.summary, able, lambda case: self._missing(case) <= 0, self._measure, progress=progress,
-            command=command, whole=True,
-        )  # fmt: skip
+        self.run(able, progress, command)
         self.summary.skipped += [(str(case), reason) for case, reason in self.refused]
         return self.summary
+
+    def _weight(self, case: Case) -> float:
+        return 1.0
 
     def _refusal(self, case: PeerCase, available: dict[str, tuple[bool, str]]) -> str | None:
         here = self.runner.backends

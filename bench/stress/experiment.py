@@ -12,22 +12,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from softlab.bench.experiments.accuracy.methods import FLUIDS, MATCHING, METHODS, TETRAHEDRAL, changes
 from softlab.bench.measure.costs_timing import Measures
-from softlab.bench.measure.experiment import (
-    Report,
-    backends_here,
-    chosen,
-    ending_cleanly,
-    host_of,
-    resume,
-    source_hash,
-    store_measures,
-)
+from softlab.bench.measure.declaration import Choices, Experiment, Option
+from softlab.bench.measure.experiment import Report, ending_cleanly, host_of, source_hash, store_measures
 from softlab.bench.measure.progress import progress_bar
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import configuration, measures_of
@@ -149,7 +141,7 @@ def _refusal(trial: Trial) -> str | None:
 
 @dataclass(frozen=True)
 class _Work:
-    """One run to do, with the description and source hash by which the store identifies it."""
+    """One run to do, with the description and source hash by which the store identifies it; `drawn`: on the first backend."""
 
     case: HardCase
     method: str
@@ -157,6 +149,7 @@ class _Work:
     precision: str
     description: dict[str, Any]
     sources: str
+    drawn: bool = False
 
     def __str__(self) -> str:
         return f"{self.case.name} {self.method} {self.precision} {self.backend}"
@@ -179,65 +172,58 @@ def _work(
             scene, _ = case_scene(case, method)
             description = configuration(scene, backend=backend, precision=precision, **host_of(backend))
             sources = f"{source_hash(backend)}-{laws[case.name]}"
-            runs.append(_Work(case, method, backend, precision, description | {"hard": case.name}, sources))
+            described = description | {"hard": case.name}
+            runs.append(_Work(case, method, backend, precision, described, sources, backend == backends[0]))
     return runs
 
 
-def run_hard(
-    store: Store,
-    *,
-    quick: bool = False,
-    cases: Sequence[str] | None = None,
-    integrators: Sequence[str] | None = None,
-    backends: Sequence[str] | None = None,
-    precisions: Sequence[str] | None = None,
-    pictures: bool = True,
-    progress: bool = True,
-    command: str = "softlab hard",
-) -> HardSummary:
+class Hard(Experiment):
     """Run the hard cases that the store lacks, and return all verdicts.
 
-    `cases`: names or rows (`B5`); None: all. `integrators`: methods; None: all, or (`quick`) the hand-out's step,
-    velocity Verlet and the first scheme of fluids, whose cases are then only partly run unless they are named.
-    `precisions`: None: both, or (`quick`) float64. `backends`: cpu, gpu (None: all that are available). `pictures`:
-    save end states as PNG in the folder `hard` beside the store, where OpenGL is available.
-
-    Raises SceneError (an unknown name), BackendUnavailable (a backend is not available), InputError (the store).
+    `cases`: names or rows (`B5`); `integrators`: methods; without them a quick run has the hand-out's step, velocity Verlet
+    and the first scheme of fluids, whose cases are then only partly run unless they are named. `pictures`: save end states
+    as PNG in the folder `hard` beside the store, where OpenGL is available.
     """
-    wanted = chosen(cases, [case.name for case in CASES], "--case", rows=True)
-    names = chosen(
-        integrators or (QUICK if quick else None),
-        (*METHODS, MATCHING, *TETRAHEDRAL[1:], *FLUIDS),
-        "--integrator",
-        rows=True,
-    )
-    accurate = chosen(precisions or (QUICK_PRECISIONS if quick else None), list(PRECISIONS), "--precision")
-    here, summary = backends_here(backends), HardSummary.begun(store, "hard cases")
-    few = quick and not cases
-    asked = [case for case in CASES if case.name in wanted and (case.quick or not few)]
-    everything = _work(asked, names, here, accurate)
-    ends: list[tuple[_Work, Outcome]] = []
 
-    def is_stored(work: _Work) -> bool:
-        return store.has_measure(work.description, summary.machine, work.sources, VERDICT)
+    name, command = "hard cases", "hard"
+    options: ClassVar[Mapping[str, Option]] = {
+        "cases": Option("--case", values=tuple(case.name for case in CASES), usual=(), rows=True),
+        "integrators": Option(
+            "--integrator", values=(*METHODS, MATCHING, *TETRAHEDRAL[1:], *FLUIDS), quick=QUICK, rows=True
+        ),
+        "precisions": Option("--precision", values=tuple(PRECISIONS), quick=QUICK_PRECISIONS),
+        "pictures": Option("--pictures", type=bool, usual=(True,)),
+    }
+    summary = HardSummary
 
-    def measure(group: Sequence[_Work], report: Report) -> None:
+    def plan(self, store: Store, backends: Sequence[str], quick: bool, options: Choices) -> Sequence[Sequence[_Work]]:
+        named = options["cases"]
+        asked = [case for case in CASES if (case.name in named if named else case.quick or not quick)]
+        return [[run] for run in _work(asked, options["integrators"], backends, options["precisions"])]
+
+    def is_stored(self, store: Store, machine: str, quick: bool, case: _Work) -> bool:
+        return store.has_measure(case.description, machine, case.sources, VERDICT)
+
+    def measure(self, store: Store, summary: HardSummary, quick: bool, group: Sequence[_Work], report: Report) -> None:
         for work in group:
             report(str(work), 0)
-            _judge(store, summary, work, here[0], ends)
+            _judge(store, summary, work)
             report(str(work), 1)
 
-    resume(store, summary, [[work] for work in everything], is_stored, measure, progress=progress, command=command)
-    with ending_cleanly(summary):
-        if pictures and store.path != ":memory:" and not summary.interrupted:
-            _draw(summary, ends, Path(store.path).absolute().parent / "hard", progress)
-    summary.rows = rows_of(measures_of(store, summary.machine, (one.description for one in everything)))
-    summary.stop()
-    return summary
+    def finish(
+        self, store: Store, summary: HardSummary, cases: Sequence[_Work], options: Choices, progress: bool
+    ) -> None:
+        with ending_cleanly(summary):
+            if options["pictures"] and store.path != ":memory:" and not summary.interrupted:
+                _draw(summary, Path(store.path).absolute().parent / "hard", progress)
+        summary.rows = rows_of(measures_of(store, summary.machine, (one.description for one in cases)))
 
 
-def _judge(store: Store, summary: HardSummary, work: _Work, first: str, ends: list[tuple[_Work, Outcome]]) -> None:
-    """Run one case, store its checks, shape and verdict, all or none, and append end states to draw to `ends`.
+run_hard = Hard()
+
+
+def _judge(store: Store, summary: HardSummary, work: _Work) -> None:
+    """Run one case, store its checks, shape and verdict, all or none, and append end states to draw to the summary's.
 
     Nothing is stored for a solver that the backend does not have.
     """
@@ -246,8 +232,7 @@ def _judge(store: Store, summary: HardSummary, work: _Work, first: str, ends: li
     except BackendUnavailable:
         return
     drawn = outcome.end is not None and (
-        outcome.verdict in ("fail", "known")
-        or (work.backend == first and work.precision == "float64" and work.method in DRAWN)
+        outcome.verdict in ("fail", "known") or (work.drawn and work.precision == "float64" and work.method in DRAWN)
     )
     numbers: Measures = {
         f"{CHECK}{place:02d} {check.name}": (
@@ -260,7 +245,7 @@ def _judge(store: Store, summary: HardSummary, work: _Work, first: str, ends: li
     if drawn:
         scene, _ = case_scene(work.case, work.method)
         numbers[SHAPE] = None, "m", _shape(scene, outcome.end)
-        ends.append((work, outcome))
+        summary.ends.append((work, outcome))
     numbers[VERDICT] = CODES[outcome.verdict], "", outcome.diagnosis
     store_measures(store, summary.run, work.description, work.sources, numbers)
     summary.measured += 1
@@ -272,11 +257,11 @@ def _shape(scene: Scene, end: Any) -> str:
     return bodies_as_text(end, scene.body_set.body if scene.copies else np.zeros(len(end), int))
 
 
-def _draw(summary: HardSummary, ends: list[tuple[_Work, Outcome]], folder: Path, show: bool) -> None:
+def _draw(summary: HardSummary, folder: Path, show: bool) -> None:
     """Draw a picture of every stored end state; without OpenGL, set `summary.no_pictures` to the reason."""
     from softlab.app.output.offscreen import opengl_available, render_frame
 
-    if not ends:
+    if not summary.ends:
         return
     works, reason = opengl_available()
     if not works:
@@ -284,7 +269,7 @@ def _draw(summary: HardSummary, ends: list[tuple[_Work, Outcome]], folder: Path,
         return
     folder.mkdir(exist_ok=True)
     with progress_bar(show) as bar:
-        for work, outcome in bar.track(ends, description="pictures"):
+        for work, outcome in bar.track(summary.ends, description="pictures"):
             scene, _ = case_scene(work.case, work.method)
             words = [work.case.name.replace(" ", "-"), work.method, work.precision, work.backend]
             caption = f"{work.case.name}: {work.case.title}, {work.method}: {outcome.verdict}"

@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
+from typing import Any
 
 from softlab.bench.experiments.accuracy.methods import FLUIDS, MATCHING, METHODS, TETRAHEDRAL
 from softlab.bench.measure.experiment import Summary
@@ -125,11 +126,12 @@ class HardRow:
 class HardSummary(Summary):
     """Summary of `run_hard`.
 
-    `rows`: all verdicts, with those that the store had before; `pictures`: number of pictures, `no_pictures`: why there
-    are none.
+    `rows`: all verdicts, with those that the store had before; `ends`: the runs of now whose end state is drawn, with their
+    outcomes; `pictures`: number of pictures, `no_pictures`: why there are none.
     """
 
     rows: list[HardRow] = field(default_factory=list)
+    ends: list[Any] = field(default_factory=list, repr=False)
     pictures: int = 0
     no_pictures: str = ""
 

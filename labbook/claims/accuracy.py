@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from softlab.bench.experiments.accuracy.equal_error import Fastest
 from softlab.bench.experiments.accuracy.equal_error import equal_error as ways_to
 from softlab.bench.experiments.accuracy.methods import admitted
 from softlab.bench.experiments.accuracy.points import CLOTHS, SIZES
@@ -13,9 +14,10 @@ from softlab.model.core.integrators import INTEGRATORS
 from softlab.model.scene.scene import load_scene
 from softlab.plots.core.accuracy_points import SIDE, Point, observed_order, order_points, points, reaching
 from softlab.plots.core.apart import small
-from softlab.plots.core.data import Results, Source
+from softlab.plots.core.data import Results, Source, needed
 from softlab.plots.figures.work_precision import accurate_source
 
+CLAIMS = Claims()
 NEAR = 0.25  # largest difference between an observed and the declared order that still counts as agreement
 FAMILIES = ("explicit", "position-based", "implicit")
 FRAME = 1 / 60  # s
@@ -28,12 +30,11 @@ def quoted_points(results: Results) -> list[Point]:
     return points(source, SCENE) if source else []
 
 
+@CLAIMS.add("lab-newton", "The hand-out's step was not compared with Newton's law.")
 def lab_newton(results: Results) -> Claim:
     """Error and order of the hand-out's step against Newton's law."""
     runs = order_points(quoted_points(results), "lab")
-    order = observed_order([(p.dt, p.error) for p in runs])
-    if order is None:
-        return Claim("The hand-out's step was not compared with Newton's law.")
+    order = needed(observed_order([(p.dt, p.error) for p in runs]))
     coarse, fine = max(runs, key=lambda p: p.dt), min(runs, key=lambda p: p.dt)
     flat = abs(order) < NEAR
     text = (
@@ -48,12 +49,11 @@ def _order(order: float) -> str:
     return f"{order:.2f}".replace("-", words.MINUS)
 
 
+@CLAIMS.add("lab-half", "It was not compared with the equation with half the acceleration.")
 def lab_half(results: Results) -> Claim:
     """Error and order of the hand-out's step against the equation with half the acceleration."""
     runs = [p for p in order_points(quoted_points(results), "lab") if p.half]
-    order = observed_order([(p.dt, p.half or 0.0) for p in runs])
-    if order is None:
-        return Claim("It was not compared with the equation with half the acceleration.")
+    order = needed(observed_order([(p.dt, p.half or 0.0) for p in runs]))
     fine = min(runs, key=lambda p: p.dt)
     first = abs(order - 1) < NEAR
     text = (
@@ -64,6 +64,7 @@ def lab_half(results: Results) -> Claim:
     return Claim(text, {"order": order, "fine": fine.half or 0.0}, first)
 
 
+@CLAIMS.add("orders", "The orders of the other integrators were not measured.")
 def orders(results: Results) -> Claim:
     """Observed and declared orders of the integrators that have a declared order."""
     runs = quoted_points(results)
@@ -74,18 +75,16 @@ def orders(results: Results) -> Claim:
             parts.append(f"{order:.2f} for {name} (declared {INTEGRATORS[name].order})")
             numbers[name] = order
             near = near and abs(order - INTEGRATORS[name].order) < NEAR
-    if not parts:
-        return Claim("The orders of the other integrators were not measured.")
     verdict = "" if near else "; not all of them are near what they declare"
-    return Claim(f"In {SCENE}, in float64, the observed orders are {words.listed(parts)}{verdict}.", numbers, near)
+    text = f"In {SCENE}, in float64, the observed orders are {words.listed(needed(parts))}{verdict}."
+    return Claim(text, numbers, near)
 
 
+@CLAIMS.add("broken", "No accuracy runs were measured.")
 def broken(results: Results) -> Claim:
     """Number of diverged runs, and their integrators."""
-    runs = quoted_points(results)
+    runs = needed(quoted_points(results))
     lost = [p for p in runs if p.diverged]
-    if not runs:
-        return Claim("No accuracy runs were measured.")
     names = list(dict.fromkeys(p.integrator for p in lost))
     if not lost:
         return Claim(f"None of the {len(runs)} runs of {SCENE} diverged.", {"diverged": 0}, True)
@@ -93,6 +92,7 @@ def broken(results: Results) -> Claim:
     return Claim(text, {"diverged": len(lost)}, True)
 
 
+@CLAIMS.add("float32-floor", "Where float32 stops to gain was not measured.")
 def float32_floor(results: Results) -> Claim:
     """Resolution of float32: the smallest errors of rk4 in float32 and in float64."""
     runs = [p for p in quoted_points(results) if p.integrator == "rk4" and not p.diverged and p.backend == "cpu"]
@@ -100,9 +100,7 @@ def float32_floor(results: Results) -> Claim:
         precision: min((p for p in runs if p.precision == precision), key=lambda p: p.error, default=None)
         for precision in ("float32", "float64")
     }
-    single, double = least["float32"], least["float64"]
-    if single is None or double is None:
-        return Claim("Where float32 stops to gain was not measured.")
+    single, double = needed(least["float32"]), needed(least["float64"])
     numbers = {"float32": single.error, "float64": double.error}
     if single.error < 2 * double.error:
         return Claim("At these step sizes, float32 and float64 reach about the same error.", numbers, False)
@@ -113,18 +111,14 @@ def float32_floor(results: Results) -> Claim:
     return Claim(text, numbers, True)
 
 
+@CLAIMS.add("fastest", "No costs were measured.")
 def fastest(results: Results, target: float = 1e-3) -> Claim:
     """Fastest configuration that reaches an error, and whether the next integrator is clearly slower."""
-    able = reaching(quoted_points(results), target)
+    source, runs = needed(accurate_source(results)), needed(quoted_points(results))
     at = f"An error of {number(target, 1)} spacings in {SCENE}"
-    if not able:
-        return Claim(
-            f"{at} was reached by no timed configuration." if quoted_points(results) else "No costs were measured."
-        )
+    able = needed(reaching(runs, target), f"{at} was reached by no timed configuration.")
     best = able[0]
     other = next((p for p in able if p.integrator != best.integrator), None)
-    source = accurate_source(results)
-    assert source is not None
     text = (
         f"On the {named(source, best.backend)}, {at[0].lower()}{at[1:]} is reached fastest by {best.name}: "
         f"{seconds(best.seconds or 0.0)} of wall time a simulated second{suspicion([best], MARK)}"
@@ -140,18 +134,17 @@ def fastest(results: Results, target: float = 1e-3) -> Claim:
     return Claim(text, numbers, clear)
 
 
+@CLAIMS.add("equal-error", f"GPU and CPU were not compared at equal error: {NOT_COMPARED}.")
 def equal_error(results: Results, target: float = 1e-3) -> Claim:
     """Speed of the GPU over that of the CPU at equal error, without and with the copy of the end state, by size."""
     labels = sorted((SCENE, *SIZES), key=lambda label: SIZES.get(label, (label, SIDE))[1])
-    for source in results.everyone:
+
+    def compared(source: Source) -> dict[str, Fastest[Point]]:
         rows = {label: ways_to(points(source, label), [target])[0] for label in labels}
-        rows = {label: row for label, row in rows.items() if row.cpu is not None and row.gpu is not None}
-        if rows:
-            break
-    else:
-        return Claim("GPU and CPU were not compared at equal error: " + NOT_COMPARED + ".")
-    parts: list[str] = []
-    numbers: dict[str, float] = {}
+        return {label: row for label, row in rows.items() if row.cpu is not None and row.gpu is not None}
+
+    source, rows = needed(results.first_with(compared))
+    parts, numbers = list[str](), dict[str, float]()
     for label, row in rows.items():
         assert row.cpu is not None and row.gpu is not None and row.speed_up is not None
         ratio, name = row.speed_up, "" if label == SCENE else f" {label}"
@@ -178,19 +171,18 @@ def equal_error(results: Results, target: float = 1e-3) -> Claim:
     return Claim(text, numbers, True)
 
 
+@CLAIMS.add("families", "Methods of several families were not timed on the stiff cloth.")
 def families(results: Results, scene: str = "S4", target: float = 1e-1) -> Claim:
     """Fastest explicit, position-based and implicit method on a stiff cloth, at equal error."""
-    at = f"An error of {number(target, 1)} spacings in {scene}"
-    for source in results.everyone:
-        able = reaching(points(source, scene), target)
+
+    def by_family(source: Source) -> dict[str, Point]:
         fastest: dict[str, Point] = {}
-        for point in able:
+        for point in reaching(points(source, scene), target):
             fastest.setdefault(_family(point), point)
-        if len(fastest) > 1:
-            break
-    else:
-        return Claim("Methods of several families were not timed on the stiff cloth.")
-    best = able[0]
+        return fastest if len(fastest) > 1 else {}
+
+    source, fastest = needed(results.first_with(by_family))
+    best = next(iter(fastest.values()))
     numbers = {name: (point.seconds or 0.0) / (best.seconds or 1.0) for name, point in fastest.items()}
     others = [
         f"{name} methods take {words.times(numbers[name])} as long ({point.name}){suspicion([point], MARK)}"
@@ -198,26 +190,23 @@ def families(results: Results, scene: str = "S4", target: float = 1e-1) -> Claim
         if point is not best
     ]
     others += [f"{name} methods do not get there" for name in FAMILIES if name not in fastest]
-    reached = f"{at[0].lower()}{at[1:]} is reached fastest by {best.name}{suspicion([best], MARK)}"
-    text = f"On {_machines(source)}, {reached}; {words.listed(others)}."
+    reached = f"an error of {number(target, 1)} spacings in {scene} is reached fastest by {best.name}"
+    text = f"On {_machines(source)}, {reached}{suspicion([best], MARK)}; {words.listed(others)}."
     return Claim(text, numbers, True)
 
 
+@CLAIMS.add("game-cloth", "No timed method reached such an error on the stiff cloth.")
 def game_cloth(results: Results, scene: str = "S4", target: float = 1e-1) -> Claim:
     """Method, step and processor for a cloth whose error may be seen but not noticed, and the time of a frame of a game."""
-    for source in results.everyone:
-        able = reaching(points(source, scene), target)
-        if able:
-            best = able[0]
-            frame = (best.seconds or 0.0) * FRAME
-            masses = words.masses(load_scene(CLOTHS[scene]).grid.particle_count)
-            text = (
-                f"Within {number(target, 1)} spacings in {scene}, a cloth of {masses}: {best.name}, "
-                f"{seconds(frame, 2)} of wall time for a frame of 1/60{words.SPACE}s on the {named(source, best.backend)}"
-                f"{suspicion([best], MARK)}."
-            )
-            return Claim(text, {"frame": frame, "error": best.error}, True)
-    return Claim("No timed method reached such an error on the stiff cloth.")
+    source, (best, *_) = needed(results.first_with(lambda source: reaching(points(source, scene), target)))
+    frame = (best.seconds or 0.0) * FRAME
+    masses = words.masses(load_scene(CLOTHS[scene]).grid.particle_count)
+    text = (
+        f"Within {number(target, 1)} spacings in {scene}, a cloth of {masses}: {best.name}, "
+        f"{seconds(frame, 2)} of wall time for a frame of 1/60{words.SPACE}s on the {named(source, best.backend)}"
+        f"{suspicion([best], MARK)}."
+    )
+    return Claim(text, {"frame": frame, "error": best.error}, True)
 
 
 def _family(point: Point) -> str:
@@ -232,36 +221,22 @@ def _machines(source: Source) -> str:
     return " and ".join(f"the {name}" for name in processors) + source.bracket
 
 
+@CLAIMS.add("rope", "GPU and CPU were not compared on the stiff rope.")
 def rope(results: Results, target: float = 1e-1) -> Claim:
     """Speed of the GPU over that of the CPU at equal error on a stiff rope, which no GPU can process in parallel."""
     scene = load_scene("rope-stiff")
     masses = words.masses(scene.grid.particle_count)
-    for source in results.everyone:
-        (row,) = ways_to(points(source, "S6"), [target])
-        if row.speed_up is not None:
-            comparison = _times_as_fast(row.speed_up) + suspicion([row.cpu, row.gpu], MARK)
-            text = (
-                f"On {_machines(source)}, at an error of {number(target, 1)} spacings in S6, a rope of {masses}, "
-                f"{comparison} (admitted: {admitted(scene)})."
-            )
-            return Claim(text, {"ratio": row.speed_up}, True)
-    return Claim("GPU and CPU were not compared on the stiff rope.")
+    source, (row, *_) = needed(
+        results.first_with(lambda s: [row for row in ways_to(points(s, "S6"), [target]) if row.speed_up is not None])
+    )
+    ratio = needed(row.speed_up)
+    text = (
+        f"On {_machines(source)}, at an error of {number(target, 1)} spacings in S6, a rope of {masses}, "
+        f"{_times_as_fast(ratio)}{suspicion([row.cpu, row.gpu], MARK)} (admitted: {admitted(scene)})."
+    )
+    return Claim(text, {"ratio": ratio}, True)
 
 
 def _times_as_fast(ratio: float) -> str:
     one, other, factor = ("GPU", "CPU", ratio) if ratio > 1 else ("CPU", "GPU", 1 / ratio)
     return f"the {one} is {words.times(factor)} as fast as the {other}"
-
-
-CLAIMS: Claims = {
-    "lab-newton": lab_newton,
-    "lab-half": lab_half,
-    "orders": orders,
-    "broken": broken,
-    "float32-floor": float32_floor,
-    "fastest": fastest,
-    "equal-error": equal_error,
-    "families": families,
-    "game-cloth": game_cloth,
-    "rope": rope,
-}

@@ -8,25 +8,26 @@ from softlab.bench.experiments.bar_costs import CLOSE, Cost
 from softlab.bench.measure import words
 from softlab.labbook.claims.claim import SUSPECT, Claim, Claims, where
 from softlab.plots.core.backends import on_backends
-from softlab.plots.core.data import Results
+from softlab.plots.core.data import Results, needed
 from softlab.plots.figures.bar_costs import on
 
+CLAIMS = Claims()
 
+
+@CLAIMS.add("bar-costs", "What the bar costs by each method was not measured.")
 def costs_of(results: Results) -> Claim:
     """Time of a frame of each method that is CLOSE to the rod, at the fewest such substeps; and the methods that never
     are.
     """
-    parts: list[str] = []
-    numbers: dict[str, float] = {}
-    busy = False
+    parts, numbers, busy = list[str](), dict[str, float](), False
     for backend, source, costs in on_backends(results, on):
         near: dict[str, Cost] = {}
         for cost in sorted((c for c in costs if c.close), key=lambda c: c.frame):
             near.setdefault(cost.solver, cost)
         if near:
             numbers |= {f"{backend} {name}": cost.frame for name, cost in near.items()}
-            frames = [f"{words.seconds(cost.frame)} ({name}, {_substeps(cost)})" for name, cost in near.items()]
-            parts.append(f"on {where(backend, source)} {words.listed(frames)}")
+            times = [f"{words.seconds(cost.frame)} ({name}, {_substeps(cost)})" for name, cost in near.items()]
+            parts.append(f"on {where(backend, source)} {words.listed(times)}")
             busy = busy or any(cost.suspect for cost in near.values())
             judged = {c.solver for c in costs if None not in (c.sag, c.frequency)}
             never = [name for name in dict.fromkeys(c.solver for c in costs) if name in judged - near.keys()]
@@ -35,13 +36,9 @@ def costs_of(results: Results) -> Claim:
             timed = [name for name in dict.fromkeys(c.solver for c in costs) if name not in judged]
             if timed:
                 parts[-1] += f"; of {_named(timed)} the time alone was measured"
-    if not parts:
-        return Claim("What the bar costs by each method was not measured.")
-    suspect = SUSPECT if busy else ""
-    return Claim(
-        f"Where sag and frequency are within {words.percent(CLOSE)} of the rod's, a frame takes {'; '.join(parts)}{suspect}.",
-        numbers, True,
-    )  # fmt: skip
+    frames = f"{'; '.join(needed(parts))}{SUSPECT if busy else ''}"
+    text = f"Where sag and frequency are within {words.percent(CLOSE)} of the rod's, a frame takes {frames}."
+    return Claim(text, numbers, True)
 
 
 def _named(solvers: list[str]) -> str:
@@ -52,6 +49,3 @@ def _named(solvers: list[str]) -> str:
 def _substeps(cost: Cost) -> str:
     """Return e.g. `4 substeps`."""
     return f"{cost.substeps} substep{'' if cost.substeps == 1 else 's'}"
-
-
-CLAIMS: Claims = {"bar-costs": costs_of}

@@ -24,9 +24,10 @@ from softlab.bench.experiments.bar_strip import (
 from softlab.bench.measure import words
 from softlab.bench.measure.words import number, percent
 from softlab.labbook.claims.claim import Claim, Claims, committed_of
-from softlab.plots.core.data import Results
+from softlab.plots.core.data import Results, needed
 from softlab.plots.figures.bar import bars
 
+CLAIMS = Claims()
 NEAR = 1e-4  # largest relative difference from a closed form that counts as agreement
 EQUAL = 1e-6  # relative: largest difference between two backends in exact math
 
@@ -49,13 +50,14 @@ def _off(bar: Bar, name: str, exact: float) -> float:
     return abs(bar.values[name] / exact - 1)
 
 
+@CLAIMS.add("bar-springs", "A bar of springs was not measured.")
 def springs(results: Results) -> Claim:
     """Agreement of mass-spring, and of XPBD with converged iterations, with a chain of springs."""
-    explicit = [bar for bar in _strips(results, "mass-spring") if {SAG, FREQUENCY} <= set(bar.values)]
+    explicit, implicit = (
+        needed([bar for bar in _strips(results, solver) if {SAG, FREQUENCY} <= set(bar.values)])
+        for solver in ("mass-spring", "xpbd, converged")
+    )
     refused = [bar for bar in _strips(results, "mass-spring") if bar.refused]
-    implicit = [bar for bar in _strips(results, "xpbd, converged") if {SAG, FREQUENCY} <= set(bar.values)]
-    if not explicit or not implicit:
-        return Claim("A bar of springs was not measured.")
     forces = max(
         max(_off(b, SAG, chain_sag(b.fine)),
             _off(b, FREQUENCY, verlet_frequency(chain_frequency(b.fine), FRAME / b.substeps)))
@@ -81,6 +83,7 @@ def springs(results: Results) -> Claim:
     return Claim(text, {"mass-spring": forces, "xpbd": positions}, max(forces, positions) < NEAR)
 
 
+@CLAIMS.add("bar-iterations", "One iteration of XPBD a substep was not measured on the bar.")
 def iterations(results: Results) -> Claim:
     """Error of XPBD with one iteration, which transmits a load by one mass only.
 
@@ -89,8 +92,7 @@ def iterations(results: Results) -> Claim:
     by_solver = {name: _strips(results, name) for name in ("xpbd", "xpbd, converged")}
     few = [bar for bar in by_solver["xpbd"] if bar.fine == SOME_LINKS and SAG in bar.values]
     fine = [bar for bar in by_solver["xpbd"] if bar.substeps == FINEST and SAG in bar.values]
-    if len(few) < 2 or len({bar.fine for bar in fine} | {SOME_LINKS}) < 2 or _one(few, SOME_LINKS, FINEST) is None:
-        return Claim("One iteration of XPBD a substep was not measured on the bar.")
+    needed(len(few) > 1 and len({bar.fine for bar in fine} | {SOME_LINKS}) > 1 and _one(few, SOME_LINKS, FINEST))
     worst, finest = min(few, key=lambda b: b.substeps), max(fine, key=lambda b: b.fine)
     right = _one(by_solver["xpbd, converged"], worst.fine, worst.substeps)
     numbers = {
@@ -119,13 +121,11 @@ def _sag(rows: list[Bar], substeps: int) -> float:
     return bar.values[SAG] / chain_sag(bar.fine) if bar and SAG in bar.values else 1.0
 
 
+@CLAIMS.add("bar-windows", "A bar by shape matching was not measured.")
 def windows(results: Results) -> Claim:
     """Agreement of the lattice of clusters with its linear system; effect of cut-off windows and of too few substeps."""
-    lattices = [
-        bar for bar in measured_bars(results) if bar.solver == "shape-matching" and {SAG, FREQUENCY} <= set(bar.values)
-    ]
-    if not lattices:
-        return Claim("A bar by shape matching was not measured.")
+    bars_matched = [bar for bar in measured_bars(results) if bar.solver == "shape-matching"]
+    lattices = needed([bar for bar in bars_matched if {SAG, FREQUENCY} <= set(bar.values)])
     sags, swings = [], []
     for bar in lattices:
         method = method_of(bar.solver, bar.substeps, region=int(bar.size))
@@ -154,28 +154,27 @@ def _window(bar: Bar) -> str:
     return f"{wide}{words.SPACE}{words.TIMES}{words.SPACE}{wide}"
 
 
+@CLAIMS.add("bar-shear", "What resists shear was not measured.")
 def shear(results: Results) -> Claim:
     """Displacement of a bar that is fixed at its side: springs hang down, clusters bend."""
-    hanging: list[Bar] = []
-    bending: list[Bar] = []
-    for solver, group in (("mass-spring", hanging), ("xpbd", hanging), ("shape-matching", bending)):
-        bar = _one(_strips(results, solver), SOME_LINKS, FINEST)
-        if bar and ACROSS in bar.values:
-            group.append(bar)
-    if not hanging or not bending:
-        return Claim("What resists shear was not measured.")
-    least, clusters = min(bar.values[ACROSS] for bar in hanging), bending[0]
+    loaded = {
+        name: _one(_strips(results, name), SOME_LINKS, FINEST) for name in ("mass-spring", "xpbd", "shape-matching")
+    }
+    bent = {name: bar for name, bar in loaded.items() if bar and ACROSS in bar.values}
+    clusters = needed(bent.pop("shape-matching", None))
+    least = min(bar.values[ACROSS] for bar in needed(bent).values())
     numbers = {"springs": least / LENGTH, "clusters": clusters.part(ACROSS) or 0.0}
     clear = numbers["springs"] > 0.9 and numbers["clusters"] < 2
-    return Claim(
+    text = (
         f"Held at its left side, under an acceleration of {number(WEIGHT, 1)} m/s², the strip of springs ends hanging down "
         f"from there, its end {percent(least / LENGTH)} of its length lower, under mass-spring and XPBD alike: nothing in it "
         f"resists shear, whatever the load. The one of clusters bends by {percent(clusters.values[ACROSS] / LENGTH)} of its "
-        f"length, {number(numbers['clusters'])} times a beam of the same material.",
-        numbers, clear,
-    )  # fmt: skip
+        f"length, {number(numbers['clusters'])} times a beam of the same material."
+    )
+    return Claim(text, numbers, clear)
 
 
+@CLAIMS.add("bar-losses", "The damping of the bar's swing by the solvers was not measured.")
 def losses(results: Results) -> Claim:
     """Damping of an undamped vibration by each solver."""
     parts, numbers = [], {}
@@ -186,18 +185,17 @@ def losses(results: Results) -> Claim:
             numbers[solver] = abs(bar.values[DECAY])
             loss = "nothing" if numbers[solver] < 1e-9 else f"{number(numbers[solver], 2)} of it a second"
             parts.append(f"{name} takes {loss}")
-    if len(parts) < 3:
-        return Claim("The damping of the bar's swing by the solvers was not measured.")
+    needed(len(parts) == 3)
     text = f"Of the amplitude of an undamped swing, at {FINEST} steps or substeps a frame, {words.listed(parts)}."
     return Claim(text, numbers, numbers["mass-spring"] < 1e-9 < min(numbers["xpbd"], numbers["shape-matching"]))
 
 
+@CLAIMS.add("bar-overlap", "A jelly bar was not measured at several overlaps.")
 def overlap(results: Results) -> Claim:
     """Stiffness of the jelly bar against overlap and spacing, and where clusters give one material."""
     jellies = [bar for bar in measured_bars(results) if bar.solver == JELLY and FREQUENCY in bar.values]
     by_size = [b for b in jellies if (b.fine, b.substeps) == (SOME_LAYERS, FINEST)]
-    if len(by_size) < 2:
-        return Claim("A jelly bar was not measured at several overlaps.")
+    needed(len(by_size) > 1)
     by_size.sort(key=lambda b: b.size)
     parts = [
         f"{number(100 * (bar.part(FREQUENCY) or 0.0), 3)}{words.SPACE}% at {number(bar.size, 3)} "
@@ -214,18 +212,15 @@ def overlap(results: Results) -> Claim:
     )  # fmt: skip
 
 
+@CLAIMS.add("bar-tetrahedra", "A bar of tetrahedra was not compared with the same rod.")
 def tetrahedra(results: Results) -> Claim:
     """Comparison of the bar of tetrahedra with the rod's material in sag and frequency, and with the beam in bending."""
     by_solver = {name: _strips(results, f"tetrahedra, {name}") for name in ("xpbd", "newton")}
     finest = {name: _one(some, SOME_VOXELS, FINEST) for name, some in by_solver.items()}
-    few = min(
-        (b for b in by_solver["xpbd"] if b.fine == SOME_VOXELS and SAG in b.values),
-        key=lambda b: b.substeps,
-        default=None,
-    )
-    rows, newton = finest["xpbd"], finest["newton"]
-    if few is None or rows is None or newton is None or not {SAG, FREQUENCY} <= set(rows.values) & set(newton.values):
-        return Claim("A bar of tetrahedra was not compared with the same rod.")
+    hanging = needed([b for b in by_solver["xpbd"] if b.fine == SOME_VOXELS and SAG in b.values])
+    few = min(hanging, key=lambda b: b.substeps)
+    rows, newton = needed(finest["xpbd"]), needed(finest["newton"])
+    needed({SAG, FREQUENCY} <= set(rows.values) & set(newton.values))
     numbers = {
         "few": few.part(SAG) or 0.0, "rows": rows.part(SAG) or 0.0, "newton": newton.part(SAG) or 0.0,
         "frequency": newton.part(FREQUENCY) or 0.0,
@@ -244,17 +239,16 @@ def tetrahedra(results: Results) -> Claim:
     return Claim(text + ".", numbers, abs(numbers["newton"] - 1) < 0.02 < numbers["few"] - 1)
 
 
+@CLAIMS.add("bar-backends", "The bar was not measured on any backend.")
 def backends(results: Results) -> Claim:
     """Largest difference between the results of both backends."""
     by_setting: dict[object, dict[str, Bar]] = {}
     for bar in bars(results)[0]:
         key = (bar.precision, bar.solver, bar.fine, bar.size, bar.substeps, bar.law)
         by_setting.setdefault(key, {})[bar.backend] = bar
-    if not by_setting:
-        return Claim("The bar was not measured on any backend.")
-    both = [pair for pair in by_setting.values() if len(pair) == 2]
+    both = [pair for pair in needed(by_setting).values() if len(pair) == 2]
     if not both:
-        (name,) = {name for pair in by_setting.values() for name in pair} or {"cpu"}
+        (name,) = {name for pair in by_setting.values() for name in pair}
         return Claim(f"These are of the {name.upper()} alone, so that the backends are not compared.")
     off = 0.0
     for pair in both:
@@ -268,15 +262,3 @@ def backends(results: Results) -> Claim:
     names = " and ".join(f"{name.upper()}{committed_of(sources, name)}" for name in ("cpu", "gpu"))
     text = f"On {len(both)} configurations {names} give {what} to {number(off, 1) if off else 'the last bit'}."
     return Claim(text, {"off": off, "configurations": float(len(both))}, same)
-
-
-CLAIMS: Claims = {
-    "bar-springs": springs,
-    "bar-iterations": iterations,
-    "bar-windows": windows,
-    "bar-shear": shear,
-    "bar-tetrahedra": tetrahedra,
-    "bar-losses": losses,
-    "bar-overlap": overlap,
-    "bar-backends": backends,
-}

@@ -18,20 +18,21 @@ from softlab.bench.measure import words
 from softlab.bench.measure.words import number, percent, seconds
 from softlab.labbook.claims.bodies import EQUAL, measured_bars, substeps_of
 from softlab.labbook.claims.claim import Claim, Claims
-from softlab.plots.core.data import Results
+from softlab.plots.core.data import Results, needed
+
+CLAIMS = Claims()
 
 
-def _laws(results: Results, law: str) -> list[Bar]:
-    """Return the float64 rows of a law, by substeps."""
-    rows = [bar for bar in measured_bars(results) if bar.law == law]
-    return sorted((b for b in rows if b.precision == "float64"), key=lambda b: b.substeps)
+def _laws(results: Results, law: str, names: set[str]) -> list[Bar]:
+    """Return the float64 rows of a law with measures of these names, by substeps. Raises NotMeasured."""
+    rows = [b for b in measured_bars(results) if b.law == law and b.precision == "float64" and names <= {*b.values}]
+    return sorted(needed(rows), key=lambda b: b.substeps)
 
 
+@CLAIMS.add("body-spin", "The spin of a rigid body was not measured.")
 def spin(results: Results) -> Claim:
     """S7 and A8: loss of spin of a rigid body, compared with its law."""
-    rows = [bar for bar in _laws(results, SPIN) if {ANGULAR_MOMENTUM, SPIN_LAW} <= set(bar.values)]
-    if not rows:
-        return Claim("The spin of a rigid body was not measured.")
+    rows = _laws(results, SPIN, {ANGULAR_MOMENTUM, SPIN_LAW})
     off = max(abs(bar.values[ANGULAR_MOMENTUM] - bar.values[SPIN_LAW]) for bar in rows)
     parts = [f"{percent(bar.values[ANGULAR_MOMENTUM])} at {substeps_of(bar)} a frame" for bar in rows]
     return Claim(
@@ -41,11 +42,10 @@ def spin(results: Results) -> Claim:
     )  # fmt: skip
 
 
+@CLAIMS.add("body-flight", "The momenta of a thrown soft body were not measured.")
 def flight(results: Results) -> Claim:
     """Linear and angular momentum of a thrown, spinning soft body."""
-    rows = [bar for bar in _laws(results, FLIGHT) if {ANGULAR_MOMENTUM, MOMENTUM} <= set(bar.values)]
-    if not rows:
-        return Claim("The momenta of a thrown soft body were not measured.")
+    rows = _laws(results, FLIGHT, {ANGULAR_MOMENTUM, MOMENTUM})
     off = max(bar.values[MOMENTUM] for bar in rows)
     parts = [f"{percent(1 - bar.values[ANGULAR_MOMENTUM])} at {substeps_of(bar)} a frame" for bar in rows]
     return Claim(
@@ -55,11 +55,10 @@ def flight(results: Results) -> Claim:
     )  # fmt: skip
 
 
+@CLAIMS.add("body-rest", "Whether a dropped soft body comes to rest was not measured.")
 def rest(results: Results) -> Claim:
     """Kinetic energy of a dropped soft body, and whether it comes to rest."""
-    rows = [bar for bar in _laws(results, DROP) if ENERGY in bar.values]
-    if not rows:
-        return Claim("Whether a dropped soft body comes to rest was not measured.")
+    rows = _laws(results, DROP, {ENERGY})
     parts = [f"{number(bar.values[ENERGY], 1)} at {substeps_of(bar)} a frame" for bar in rows]
     still = [bar for bar in rows if bar.values[ENERGY] < STILL]
     text = (
@@ -70,6 +69,3 @@ def rest(results: Results) -> Claim:
         text += ": nothing in that scene damps but friction and the step itself, and smaller steps damp less"
     numbers = {str(bar.substeps): bar.values[ENERGY] for bar in rows}
     return Claim(text + ".", numbers, bool(still))
-
-
-CLAIMS: Claims = {"body-spin": spin, "body-flight": flight, "body-rest": rest}

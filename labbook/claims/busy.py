@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from softlab.bench.experiments.busy import ALONE, LIMIT, NICED, SAME, BusyPoint, points
+from softlab.bench.experiments.busy import ALONE, LIMIT, NICED, SAME, points
 from softlab.bench.measure import words
 from softlab.labbook.claims.claim import Claim, Claims
-from softlab.plots.core.data import Results
+from softlab.plots.core.data import Results, needed
 
+CLAIMS = Claims()
 NAMES = {
     ALONE: "with the cores to themselves",
     NICED: "beside a niced program",
@@ -14,13 +15,10 @@ NAMES = {
 }
 
 
+@CLAIMS.add("busy", "What another program costs threads was not measured.")
 def busy(results: Results) -> Claim:
     """Largest ratio of a step's time on all threads to that on one, for each kind of other program."""
-    measured: list[BusyPoint] = []
-    for source in results.everyone:
-        measured = measured or points(source.measures)
-    if not measured:
-        return Claim("What another program costs threads was not measured.")
+    _, measured = needed(results.first_with(lambda source: points(source.measures)))
     parts, numbers = [], {}
     for kind, name in NAMES.items():
         of_kind = [p for p in measured if p.beside == kind]
@@ -36,6 +34,3 @@ def busy(results: Results) -> Claim:
     )
     supported = all(ratio <= LIMIT for kind, ratio in numbers.items() if kind != ALONE)
     return Claim(text, numbers, supported)
-
-
-CLAIMS: Claims = {"busy": busy}

@@ -1,8 +1,8 @@
 """Claims of the lab book: functions of the results that return a sentence made from the data.
 
 A claim is `supported` if the things it compares differ (plots/core/apart.py), or if the number it needs was measured.
-Otherwise its sentence is neutral: no difference beyond measurement noise, or not measured. Timings with a wrong result
-are not used; suspect ones only where there are no others, and then the sentence says so. Every sentence names the
+Otherwise its sentence is neutral: no difference beyond measurement noise, or not measured (`needed`). Timings with a wrong
+result are not used; suspect ones only where there are no others, and then the sentence says so. Every sentence names the
 machine of its numbers. This file has the claims on threads and on each backend by itself; comparisons and accuracy have
 files of their own.
 """
@@ -11,6 +11,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import wraps
+from inspect import unwrap
 
 from softlab.bench.experiments.accuracy.points import AccuracyPoint
 from softlab.bench.measure import words
@@ -18,7 +20,7 @@ from softlab.bench.measure.words import masses, percent, seconds, times
 from softlab.bench.store.results import Timing
 from softlab.plots.core.apart import apart, too_few
 from softlab.plots.core.bandwidth import copy_bandwidth, disturbed, fraction
-from softlab.plots.core.data import THREAD_WORDS, Results, Source, is_suspect, sound
+from softlab.plots.core.data import THREAD_WORDS, NotMeasured, Results, Source, is_suspect, needed, sound
 from softlab.plots.core.pairs import at_one_size, float64_pairs
 
 FLAT = 1.5  # a time that grew by less than this factor counts as constant
@@ -33,7 +35,33 @@ class Claim:
     supported: bool = False
 
 
-Claims = dict[str, Callable[[Results], Claim]]  # claims of a module by name
+Maker = Callable[..., Claim]  # a function of the results
+
+
+class Claims(dict[str, Maker]):
+    """Claims of a module by name."""
+
+    def add(self, name: str, missing: str = "", arguments: Sequence[object] = ()) -> Callable[[Maker], Maker]:
+        """Add the claim `name`: a function of the results, with these further arguments.
+
+        `missing`: the sentence if something was not measured (`needed`), unless that gives one of its own.
+        """
+
+        def added(make: Maker) -> Maker:
+            @wraps(make)
+            def caught(*args: object) -> Claim:
+                try:
+                    return unwrap(make)(*args)  # of several claims of one function each has its own sentence
+                except NotMeasured as reason:
+                    return Claim(str(reason) or missing)
+
+            self[name] = lambda results: caught(results, *arguments)
+            return caught
+
+        return added
+
+
+CLAIMS = Claims()
 
 
 def cpu_source(results: Results) -> Source | None:
@@ -97,16 +125,15 @@ def thread_pairs(source: Source, word: str) -> list[tuple[Timing, Timing]]:
     return at_one_size(sound(source.select("cpu", "1x")), sound(source.select("cpu", word)))
 
 
+@CLAIMS.add("threads-small", "More threads than cores were not measured.", (0,))
+@CLAIMS.add("threads-large", "More threads than cores were not measured.", (-1,))
 def threads_at(results: Results, end: int) -> Claim:
     """2x and 4x threads compared with 1x, at the smallest (`end` 0) or largest (-1) size that all were measured at."""
-    source = cpu_source(results)
-    by_word = {word: trusted(thread_pairs(source, word)) for word in THREAD_WORDS[1:]} if source else {}
+    source = needed(cpu_source(results))
+    by_word = {word: trusted(thread_pairs(source, word)) for word in THREAD_WORDS[1:]}
     by_word = {word: both for word, both in by_word.items() if both[0]}
-    sizes = [{base.particles for base, _ in both} for both, _ in by_word.values()]
-    shared = sorted(set.intersection(*sizes)) if sizes else []
-    if source is None or not shared:
-        return Claim("More threads than cores were not measured.")
-    size = shared[end]
+    sizes = needed([{base.particles for base, _ in both} for both, _ in by_word.values()])
+    size = sorted(needed(set.intersection(*sizes)))[end]
     parts, same, numbers, supported = [], [], {}, True
     for word, (both, suspect) in by_word.items():
         base, more = next(pair for pair in both if pair[0].particles == size)
@@ -128,13 +155,12 @@ def threads_at(results: Results, end: int) -> Claim:
     return Claim(text, numbers | {"masses": size}, supported)
 
 
+@CLAIMS.add("threads-best", "Whether more threads than cores ever help was not measured.")
 def threads_best(results: Results) -> Claim:
     """Number of sizes at which more threads than cores are clearly faster than as many."""
-    source = cpu_source(results)
-    by_word = {word: trusted(thread_pairs(source, word)) for word in THREAD_WORDS[1:]} if source else {}
-    sizes = sorted({base.particles for both, _ in by_word.values() for base, _ in both})
-    if source is None or not sizes:
-        return Claim("Whether more threads than cores ever help was not measured.")
+    source = needed(cpu_source(results))
+    by_word = {word: trusted(thread_pairs(source, word)) for word in THREAD_WORDS[1:]}
+    sizes = needed({base.particles for both, _ in by_word.values() for base, _ in both})
     faster = {base.particles for both, _ in by_word.values() for base, more in both if apart(more, base) < 0}
     slower = {base.particles for both, _ in by_word.values() for base, more in both if apart(more, base) > 0} - faster
     numbers = {"sizes": len(sizes), "faster": len(faster), "slower": len(slower)}
@@ -163,14 +189,12 @@ def threads_best(results: Results) -> Claim:
     return Claim(text, numbers, bool(faster or slower))
 
 
+@CLAIMS.add("region-cost", "What an empty parallel region costs was not measured.")
 def region_cost(results: Results) -> Claim:
     """Cost of an empty parallel region with few and with many threads."""
-    source = results.first(lambda s: s.machine.record.get("region_seconds"))
-    costs = (source.machine.record.get("region_seconds") if source else None) or {}
-    cores = source.machine.record.get("cores") if source else None
-    known = {int(threads): cost for threads, cost in costs.items()}
-    if source is None or not cores or cores not in known or len(known) < 2 or max(known) <= cores:
-        return Claim("What an empty parallel region costs was not measured.")
+    source, costs = needed(results.first_with(lambda s: s.machine.record.get("region_seconds")))
+    cores, known = source.machine.record.get("cores"), {int(threads): cost for threads, cost in costs.items()}
+    needed(cores and cores in known and max(known) > cores)
     most = max(known)
     layer, policy = source.threading
     text = (
@@ -183,14 +207,19 @@ def region_cost(results: Results) -> Claim:
 # ---------------------------------------------------------------------- one backend
 
 
-def bandwidth_reached(source: Source | None, backend: str, word: str | None) -> Claim:
+def _measured_on(results: Results, backend: str) -> tuple[Source, str | None]:
+    """Return the machine of a backend and the number of threads that the text quotes of it. Raises NotMeasured."""
+    return (needed(cpu_source(results)), "1x") if backend == "cpu" else (needed(results.with_gpu()), None)
+
+
+@CLAIMS.add("cpu-bandwidth", "How much of the CPU's copy bandwidth a step reaches was not measured.", ("cpu",))
+@CLAIMS.add("gpu-bandwidth", "How much of the GPU's copy bandwidth a step reaches was not measured.", ("gpu",))
+def bandwidth_reached(results: Results, backend: str) -> Claim:
     """Fraction of the copy bandwidth that a backend reaches at its largest grid."""
-    timings, suspect = trusted([(t,) for t in sound(source.select(backend, word))]) if source else ([], "")
-    largest = [t for (t,) in timings][-1:]
-    reached = fraction(source, largest[0]) if source and largest else None
-    limit = copy_bandwidth(source, backend) if source else None
-    if source is None or reached is None or limit is None:
-        return Claim(f"How much of the {backend.upper()}'s copy bandwidth a step reaches was not measured.")
+    source, word = _measured_on(results, backend)
+    timings, suspect = trusted([(t,) for t in sound(source.select(backend, word))])
+    ((largest,),) = needed(timings[-1:])
+    reached, limit = needed(fraction(source, largest)), needed(copy_bandwidth(source, backend))
     comparison = f"{percent(reached)} of the measured copy bandwidth"
     if doubted := disturbed(source):
         comparison = "which is not compared with the copy bandwidth, because other programs disturbed that measurement"
@@ -201,19 +230,20 @@ def bandwidth_reached(source: Source | None, backend: str, word: str | None) -> 
     )
     threads = ", with 1x threads" if word else ""
     text = (
-        f"{on(source, backend)}{threads}, a step of {masses(largest[0].particles)} has an effective bandwidth (the bytes "
+        f"{on(source, backend)}{threads}, a step of {masses(largest.particles)} has an effective bandwidth (the bytes "
         f"that one step a pass would move, over its time) of {words.bandwidth(reached * limit)}, "
         f"{comparison}{beyond}{suspect}."
     )
-    return Claim(text, {"share": reached, "masses": largest[0].particles}, not doubted)
+    return Claim(text, {"share": reached, "masses": largest.particles}, not doubted)
 
 
-def float64_cost(source: Source | None, backend: str, word: str | None) -> Claim:
+@CLAIMS.add("cpu-float64", "What float64 costs on the CPU was not measured.", ("cpu",))
+@CLAIMS.add("gpu-float64", "What float64 costs on the GPU was not measured.", ("gpu",))
+def float64_cost(results: Results, backend: str) -> Claim:
     """Time of float64 over that of float32 on a backend's largest grid."""
-    both, suspect = trusted(float64_pairs(source, backend, word)) if source else ([], "")
-    if source is None or not both:
-        return Claim(f"What float64 costs on the {backend.upper()} was not measured.")
-    single, double = both[-1]
+    source, word = _measured_on(results, backend)
+    both, suspect = trusted(float64_pairs(source, backend, word))
+    single, double = needed(both)[-1]
     ratio = double.median / single.median
     start = f"{on(source, backend)}, at"
     if apart(double, single) == 0:
@@ -228,17 +258,18 @@ def float64_cost(source: Source | None, backend: str, word: str | None) -> Claim
     return Claim(text, {"ratio": ratio, "masses": single.particles}, True)
 
 
-def _trusted_curve(source: Source | None) -> list[Timing]:
-    """Return the GPU's times that are not suspect, smallest grid first."""
-    return [t for t in sound(source.select("gpu")) if not is_suspect(t)] if source else []
+def _trusted_curve(results: Results) -> tuple[Source, list[Timing]]:
+    """Return the GPU's machine and its times that are not suspect, smallest grid first. Raises NotMeasured."""
+    source = needed(results.with_gpu())
+    curve = [t for t in sound(source.select("gpu")) if not is_suspect(t)]
+    needed(len(curve) > 1)
+    return source, curve
 
 
+@CLAIMS.add("gpu-flat", "How the GPU's time depends on the size of the grid was not measured.")
 def gpu_flat(results: Results) -> Claim:
     """Size up to which the GPU's time hardly depends on the number of masses."""
-    source = results.with_gpu()
-    curve = _trusted_curve(source)
-    if source is None or len(curve) < 2:
-        return Claim("How the GPU's time depends on the size of the grid was not measured.")
+    source, curve = _trusted_curve(results)
     flat = curve[0]
     for timing in curve[1:]:
         if timing.median > FLAT * curve[0].median:
@@ -256,12 +287,10 @@ def gpu_flat(results: Results) -> Claim:
     return Claim(text, numbers, True)
 
 
+@CLAIMS.add("gpu-growth", "How the GPU's time grows at large sizes was not measured.")
 def gpu_growth(results: Results) -> Claim:
     """Growth of the GPU's time between its two largest squares."""
-    source = results.with_gpu()
-    curve = _trusted_curve(source)
-    if source is None or len(curve) < 2:
-        return Claim("How the GPU's time grows at large sizes was not measured.")
+    source, curve = _trusted_curve(results)
     left, right = curve[-2:]
     more, longer = right.particles / left.particles, right.median / left.median
     text = (
@@ -271,25 +300,9 @@ def gpu_growth(results: Results) -> Claim:
     return Claim(text, {"masses": more, "time": longer}, apart(right, left) > 0)
 
 
+@CLAIMS.add("launch-cost", "What one launch costs was not measured.")
 def launch_cost(results: Results) -> Claim:
     """Cost of one launch from Python on the GPU's machine."""
-    source = results.with_gpu()
-    cost = source.machine.record.get("gpu_launch_seconds") if source else None
-    if source is None or not cost:
-        return Claim("What one launch costs was not measured.")
+    source = needed(results.with_gpu())
+    cost = needed(source.machine.record.get("gpu_launch_seconds"))
     return Claim(f"{on_gpu(source)}, even an empty launch costs {seconds(cost, 2)}.", {"seconds": cost}, True)
-
-
-CLAIMS: Claims = {
-    "threads-small": lambda results: threads_at(results, 0),
-    "threads-large": lambda results: threads_at(results, -1),
-    "threads-best": threads_best,
-    "region-cost": region_cost,
-    "cpu-bandwidth": lambda results: bandwidth_reached(cpu_source(results), "cpu", "1x"),
-    "gpu-bandwidth": lambda results: bandwidth_reached(results.with_gpu(), "gpu", None),
-    "cpu-float64": lambda results: float64_cost(cpu_source(results), "cpu", "1x"),
-    "gpu-float64": lambda results: float64_cost(results.with_gpu(), "gpu", None),
-    "gpu-flat": gpu_flat,
-    "gpu-growth": gpu_growth,
-    "launch-cost": launch_cost,
-}

@@ -19,35 +19,33 @@ from softlab.bench.peers.results import Ratio
 from softlab.labbook.claims.claim import MARK, SUSPECT, Claim, Claims, cpu_source, named, on, on_gpu, trusted
 from softlab.labbook.claims.declared import by_backend
 from softlab.plots.core.apart import apart, too_few
-from softlab.plots.core.data import Results, Source, is_suspect, is_wrong
+from softlab.plots.core.data import Results, Source, is_suspect, is_wrong, needed
 from softlab.plots.core.pairs import shape_ratios
 from softlab.plots.figures.crossover import Pair, crossing, pairs
 from softlab.plots.figures.graphics import drawing_costs, skipped_reason
 from softlab.plots.figures.peers import square_ratios
 
+CLAIMS = Claims()
 
-def compared(results: Results, graphics: bool = False) -> tuple[Source | None, list[Pair], str]:
-    """Return (machine, pairs of timings at one size, remark on suspect times).
+
+def compared(results: Results, graphics: bool = False) -> tuple[Source, list[Pair], str]:
+    """Return (machine, pairs of timings at one size, remark on suspect times). Raises NotMeasured.
 
     It is the first machine that timed both backends with one version of the code; suspect times are left out if others
     remain.
     """
-    for source in results.everyone:
-        both = pairs(source, graphics=graphics)
-        clean = [pair for pair in both if not (is_suspect(pair.cpu) or is_suspect(pair.gpu))]
-        if both:
-            return source, clean or both, "" if clean else SUSPECT
-    return None, [], ""
+    source, both = needed(results.first_with(lambda source: pairs(source, graphics=graphics)))
+    clean = [pair for pair in both if not (is_suspect(pair.cpu) or is_suspect(pair.gpu))]
+    return source, clean or both, "" if clean else SUSPECT
 
 
 NOT_COMPARED = "no machine in the data has timed both with one version of the code (softlab sweep)"
 
 
+@CLAIMS.add("overtakes", f"GPU and CPU were not compared: {NOT_COMPARED}.")
 def overtakes(results: Results) -> Claim:
     """Size from which the GPU is faster than the CPU's fastest thread count, and the ratio at the largest size."""
     source, usable, suspect = compared(results)
-    if source is None:
-        return Claim(f"GPU and CPU were not compared: {NOT_COMPARED}.")
     first, last = usable[0], usable[-1]
     crossed, everything = crossing(usable), pairs(source)
     smallest, largest = (
@@ -74,6 +72,7 @@ def overtakes(results: Results) -> Claim:
     return Claim(f"{text}{suspect}.", numbers, True)
 
 
+@CLAIMS.add("drawing")
 def drawing(results: Results) -> Claim:
     """Cost of drawing at the largest grid that was timed with it, on each backend."""
     parts, numbers = [], {}
@@ -99,20 +98,19 @@ def drawing(results: Results) -> Claim:
             parts.append(
                 f"{label} drawing costs no more than measurement noise, at {masses(without.particles)}{suspect}"
             )
-    if not parts:
-        reason = skipped_reason(results)
-        return Claim("Nothing was timed with graphics" + (f": {reason.rstrip('.')}." if reason else "."))
-    text = words.listed(parts)
+    reason = skipped_reason(results)
+    text = words.listed(
+        needed(parts, "Nothing was timed with graphics" + (f": {reason.rstrip('.')}." if reason else "."))
+    )
     return Claim(text[0].upper() + text[1:] + ".", numbers, True)
 
 
+@CLAIMS.add("renderer", "The store does not say which renderer drew.")
 def renderer(results: Results) -> Claim:
     """Renderer of the pictures that were timed, and how the state of each backend got to it."""
-    source = results.first(lambda one: any(measure.name == DRAWN_BY for measure in one.measures))
-    if source is None:
-        return Claim("The store does not say which renderer drew.")
+    source, drawn_by = needed(results.first_with(lambda one: [m for m in one.measures if m.name == DRAWN_BY]))
     paths: dict[str, Counter[tuple[str, str]]] = {}
-    for measure in (one for one in source.measures if one.name == DRAWN_BY):
+    for measure in drawn_by:
         for name, path in re.findall(r"(.*), (\d+ x \d+ pixels, .*)", measure.reason or ""):
             paths.setdefault(measure.backend, Counter())[name, path] += 1
     usual = {backend: counts.most_common(1)[0][0] for backend, counts in sorted(paths.items())}
@@ -126,11 +124,10 @@ def renderer(results: Results) -> Claim:
     return Claim(f"On the machine of the {machine} the pictures were drawn by {words.listed(parts)}.", numbers, True)
 
 
+@CLAIMS.add("overtakes-drawing", "GPU and CPU were not compared with graphics.")
 def overtakes_drawing(results: Results) -> Claim:
     """GPU compared with CPU with graphics: the size up to which the CPU is ahead, and the largest size."""
     source, usable, suspect = compared(results, graphics=True)
-    if source is None:
-        return Claim("GPU and CPU were not compared with graphics.")
     last = usable[-1]
     ahead = [pair for pair in usable if pair.clear and pair.ratio < 1]
     numbers = {"ratio": last.ratio, "masses": last.gpu.particles, "cpu ahead": ahead[-1].gpu.particles if ahead else 0}
@@ -147,13 +144,11 @@ def overtakes_drawing(results: Results) -> Claim:
     return Claim(f"{text} the GPU's step is {times(last.ratio)} as fast as the CPU's{suspect}.", numbers, True)
 
 
+@CLAIMS.add("crossing-drawing", "Where the GPU overtakes with graphics was not measured.")
 def crossing_drawing(results: Results) -> Claim:
     """Size at which the GPU overtakes with graphics, interpolated between two sizes."""
-    source = results.first(lambda one: pairs(one, graphics=True))
-    measured = pairs(source, graphics=True) if source else []
+    _, measured = needed(results.first_with(lambda one: pairs(one, graphics=True)))
     crossed = crossing(measured)
-    if source is None or not measured:
-        return Claim("Where the GPU overtakes with graphics was not measured.")
     doubtful = sum(is_suspect(pair.cpu) or is_suspect(pair.gpu) for pair in measured)
     marked = f" ({words.count(doubtful)} of the {len(measured)} sizes rest on suspect times)" if doubtful else ""
     if crossed is None:
@@ -164,14 +159,13 @@ def crossing_drawing(results: Results) -> Claim:
     return Claim(text, {"crossing": crossed, "ratio": measured[-1].ratio}, True)
 
 
+@CLAIMS.add("shape", "Whether the shape of the grid matters was not measured.")
 def shape(results: Results) -> Claim:
     """Cost of long, tall and odd grids over that of squares, on the CPU with 1x threads."""
-    source = cpu_source(results)
-    everything = shape_ratios(source, "cpu", "1x") if source else []
+    source = needed(cpu_source(results))
+    everything = needed(shape_ratios(source, "cpu", "1x"))
     clean = [(timing, square) for timing, square in everything if not is_suspect(timing)]
     usable, suspect = (clean, "") if clean else (everything, SUSPECT)
-    if source is None or not usable:
-        return Claim("Whether the shape of the grid matters was not measured.")
     ratios = [timing.median / square for timing, square in usable]
     off = [timing for timing, square in usable if timing.low > square or timing.high < square]
     numbers = {"least": min(ratios), "most": max(ratios), "off": len(off)}
@@ -182,11 +176,10 @@ def shape(results: Results) -> Claim:
     return Claim(text, numbers, True)
 
 
+@CLAIMS.add("trust", "Nothing was timed.")
 def trust(results: Results) -> Claim:
     """Number of timings that are suspect or wrong."""
-    everything = [timing for source in results.featured for timing in source.timings]
-    if not everything:
-        return Claim("Nothing was timed.")
+    everything = needed([timing for source in results.featured for timing in source.timings])
     wrong = sum(is_wrong(timing) for timing in everything)
     suspect = sum(bool(timing.suspect) for timing in everything)
     checked = sum(timing.error is not None for timing in everything)
@@ -223,16 +216,7 @@ def peers(ratios: Sequence[Ratio]) -> Part | None:
     return f"at {masses(size)}, {words.listed(factors)}{suspect}", {one.peer: one.ratio for one in here}
 
 
-CLAIMS: Claims = {
-    "peers": by_backend(square_ratios, Sentence(
-        "Compared with the lab, a step of the grid takes, {}.", peers, "Nothing was timed beside the lab.",
-        form="on {place}, {part}", join="; ".join,
-    )),
-    "overtakes": overtakes,
-    "drawing": drawing,
-    "renderer": renderer,
-    "overtakes-drawing": overtakes_drawing,
-    "crossing-drawing": crossing_drawing,
-    "shape": shape,
-    "trust": trust,
-}  # fmt: skip
+CLAIMS["peers"] = by_backend(square_ratios, Sentence(
+    "Compared with the lab, a step of the grid takes, {}.", peers, "Nothing was timed beside the lab.",
+    form="on {place}, {part}", join="; ".join,
+))  # fmt: skip

@@ -13,12 +13,14 @@ from softlab.bench.store.schema import tables_by_kind
 from softlab.labbook.claims.claim import Claim, Claims, named, on, on_gpu, where
 from softlab.plots.core.apart import SMALL, small
 from softlab.plots.core.backends import BACKENDS, on_backends
-from softlab.plots.core.data import Results, Source
+from softlab.plots.core.data import Results, Source, needed
 from softlab.plots.findings.points import Cost, check_costs, costs
 
+CLAIMS = Claims()
 BOUND = 1.0  # per cent of the time: largest cost of the divergence check
 
 
+@CLAIMS.add("looks-cost", "The cost of detecting divergence was not measured.")
 def check_cost(results: Results) -> Claim:
     """Largest relative cost of a check on each backend, and whether it is below the bound."""
     parts, numbers, busy = [], {}, False
@@ -30,15 +32,14 @@ def check_cost(results: Results) -> Claim:
             f"{percent(largest)} of the time on the {named(source, backend)} (the most of {len(checks)} grids: "
             f"{words.masses(worst.particles)}, {worst.precision}, every {words.count(worst.interval)} steps)"
         )
-    if not parts:
-        return Claim("The cost of detecting divergence was not measured.")
-    cheap = 100 * max(numbers.values()) < BOUND
+    cheap = 100 * max(needed(numbers).values()) < BOUND
     verdict = f"under {BOUND:g}{words.SPACE}%" if cheap else f"not under {BOUND:g}{words.SPACE}% everywhere"
     if busy:  # steps that are slowed down by other programs make checks seem cheap
         verdict += ", but some of it was measured on a busy machine"
     return Claim(f"A check costs at most {words.listed(parts)}: {verdict}.", numbers, cheap and not busy)
 
 
+@CLAIMS.add("determinism-cost", "What determinism costs was not measured.")
 def determinism_cost(results: Results) -> Claim:
     """Gather compared with scatter by atomics on the GPU, and with its alternatives on the CPU.
 
@@ -81,9 +82,7 @@ def determinism_cost(results: Results) -> Claim:
                 f"{on(cpu, 'cpu')}, where the lab's kernel evaluates each spring once and in a fixed order, "
                 f"{words.listed(texts)} ({size}, float32)"
             )
-    if not parts:
-        return Claim("What determinism costs was not measured.")
-    return Claim(". ".join(parts) + ".", numbers, supported)
+    return Claim(". ".join(needed(parts)) + ".", numbers, supported)
 
 
 def _largest(rows: list[Cost]) -> dict[str, Cost]:
@@ -117,17 +116,15 @@ def _quickest(source: Source, finding: str, backend: str) -> list[tuple[dict[str
     ]  # fmt: skip
 
 
+@CLAIMS.add("cost-steady", "Whether the cost of a step depends on its size or on the state was not measured.")
 def steady(results: Results) -> Claim:
     """Largest ratio of the costs of a step of S1 over step sizes and states."""
-    parts: list[str] = []
-    numbers: dict[str, float] = {}
+    parts, numbers = list[str](), dict[str, float]()
     for backend, source, runs in on_backends(results, lambda source, backend: _quickest(source, STEADY, backend)):
         times = [seconds for _, seconds in runs]
         numbers[backend] = max(times) / min(times) - 1
         parts.append(f"{percent(numbers[backend])} on {where(backend, source)}")
-    if not parts:
-        return Claim("Whether the cost of a step depends on its size or on the state was not measured.")
-    flat = all(small(1 + spread) for spread in numbers.values())
+    flat = all(small(1 + spread) for spread in needed(numbers).values())
     verdict = "less than" if flat else "not everywhere less than"
     text = (
         f"Over all step sizes, in motion and at rest ({words.seconds(REST, 2)} from the start), the cost of a step of S1 in "
@@ -136,37 +133,26 @@ def steady(results: Results) -> Claim:
     return Claim(text, numbers, flat)
 
 
+def _times(source: Source) -> dict[tuple[str, int, int], float]:
+    """Return (backend, rows, steps) -> seconds of a machine that timed runs of several lengths on both backends."""
+    by_backend = {backend: _quickest(source, LENGTH, backend) for backend in BACKENDS}
+    runs = [(backend, *run) for backend, runs in by_backend.items() for run in runs if all(by_backend.values())]
+    return {(b, tables_by_kind(what["scene"])["grid"]["rows"], what["steps"]): seconds for b, what, seconds in runs}
+
+
+@CLAIMS.add("run-length", "How the speed-up depends on the length of a run was not measured.")
 def run_length(results: Results) -> Claim:
     """Speed of the GPU over that of the CPU of one machine, by the length of the run, with launch and copy."""
-    parts: list[str] = []
-    numbers: dict[str, float] = {}
-    for source in results.everyone:
-        by_backend = {backend: _quickest(source, LENGTH, backend) for backend in BACKENDS}
-        if not all(by_backend.values()):
-            continue
-        times: dict[tuple[str, int, int], float] = {}
-        for backend, runs in by_backend.items():
-            for what, seconds in runs:
-                rows = tables_by_kind(what["scene"])["grid"]["rows"]
-                times[backend, rows, what["steps"]] = seconds
-        for rows in sorted({rows for _, rows, _ in times}):
-            both = sorted(steps for backend, n, steps in times if (backend, n) == ("gpu", rows))
-            texts = []
-            for steps in [steps for steps in both if ("cpu", rows, steps) in times]:
-                ratio = numbers[f"{rows} {steps}"] = times["cpu", rows, steps] / times["gpu", rows, steps]
-                texts.append(f"{number(ratio, 2)} for {words.seconds(steps * LENGTH_DT, 2)}")
-            parts.append(f"at {words.masses(rows * rows)}, {words.listed(texts)}")
-        text = (
-            f"{on_gpu(source)} over the {source.processor}, one run from the start state to the end state on the host is so "
-            f"many times as fast, by its simulated time: {'; '.join(parts)}."
-        )
-        return Claim(text, numbers, True)
-    return Claim("How the speed-up depends on the length of a run was not measured.")
-
-
-CLAIMS: Claims = {
-    "looks-cost": check_cost,
-    "determinism-cost": determinism_cost,
-    "cost-steady": steady,
-    "run-length": run_length,
-}
+    parts, numbers = list[str](), dict[str, float]()
+    source, times = needed(results.first_with(_times))
+    for rows in sorted({rows for _, rows, _ in times}):
+        texts = []
+        for steps in sorted(n for b, r, n in times if (b, r) == ("gpu", rows) and ("cpu", rows, n) in times):
+            ratio = numbers[f"{rows} {steps}"] = times["cpu", rows, steps] / times["gpu", rows, steps]
+            texts.append(f"{number(ratio, 2)} for {words.seconds(steps * LENGTH_DT, 2)}")
+        parts.append(f"at {words.masses(rows * rows)}, {words.listed(texts)}")
+    text = (
+        f"{on_gpu(source)} over the {source.processor}, one run from the start state to the end state on the host is so "
+        f"many times as fast, by its simulated time: {'; '.join(parts)}."
+    )
+    return Claim(text, numbers, True)

@@ -6,14 +6,14 @@ from collections.abc import Callable, Sequence
 from typing import TypeVar
 
 from softlab.bench.measure.declaration import Experiment, Sentence
-from softlab.labbook.claims.claim import Claim, Claims, where
+from softlab.labbook.claims.claim import Claim, Claims, Maker, where
 from softlab.plots.core.backends import on_backends, timed
 from softlab.plots.core.data import Results, Source
 
 Selected = TypeVar("Selected", bound=Sequence[object])
 
 
-def by_backend(select: Callable[[Source, str], Selected], sentence: Sentence) -> Callable[[Results], Claim]:
+def by_backend(select: Callable[[Source, str], Selected], sentence: Sentence) -> Maker:
     """Make the claim of a sentence, on what `select` returns of the first machine that has it, for each backend."""
 
     def make(results: Results) -> Claim:
@@ -27,4 +27,4 @@ def by_backend(select: Callable[[Source, str], Selected], sentence: Sentence) ->
 def claims_of(experiment: Experiment) -> Claims:
     """Return the claims of an experiment by name."""
     select = timed(experiment.rows)
-    return {name: by_backend(select, sentence) for name, sentence in experiment.sentences.items()}
+    return Claims({name: by_backend(select, sentence) for name, sentence in experiment.sentences.items()})

@@ -20,23 +20,22 @@ from softlab.model.core.integrators import INTEGRATORS, amplification_matrix
 from softlab.plots.core.accuracy_points import observed_order
 from softlab.plots.core.apart import apart
 from softlab.plots.core.backends import on_backends
-from softlab.plots.core.data import Results
+from softlab.plots.core.data import Results, needed
 from softlab.plots.findings.points import Row, exact_pairs, of_finding
 
+CLAIMS = Claims()
 NOTHING = 1e-10  # 1/s: rounding of the measurement; smaller rates of dissipation are called none
 # The compute-shader cloth (its own constants): stiffness [N/m], mass [kg], damping [N s/m], the step size that it uses
 # [s], and the largest eigenvalue of the Laplacian of a grid with diagonals, which bounds w^2 m / k in any state.
 CLOTH = {"stiffness": 8000.0, "mass": 0.1, "damping": 0.25, "dt": 5e-6, "eigenvalue": 12.0}
 
 
+@CLAIMS.add("verlet-damping", "What an explicit damper costs velocity Verlet was not measured.")
 def verlet_damping(results: Results) -> Claim:
     """Order of velocity Verlet with an explicit damper (first) and with an implicit one (second)."""
     _, measured = of_finding(results, DAMPING)
     by_scheme = {scheme: [row for row in measured if row.scheme == scheme] for scheme in DAMPERS}
-    orders = {scheme: observed_order([(row.dt, row.value) for row in rows]) for scheme, rows in by_scheme.items()}
-    implicit, explicit = (orders[scheme] for scheme in DAMPERS)
-    if implicit is None or explicit is None:
-        return Claim("What an explicit damper costs velocity Verlet was not measured.")
+    implicit, explicit = (needed(observed_order([(r.dt, r.value) for r in by_scheme[scheme]])) for scheme in DAMPERS)
     fine, plain = (min(by_scheme[scheme], key=lambda row: row.dt) for scheme in DAMPERS)
     numbers = {"implicit": implicit, "explicit": explicit, "ratio": plain.value / fine.value}
     text = (
@@ -52,6 +51,7 @@ def verlet_damping(results: Results) -> Claim:
     return Claim(text, numbers, True)
 
 
+@CLAIMS.add("cloth-limit")
 def cloth_limit(results: Results) -> Claim:
     """Stability limit of the compute-shader cloth's step and of semi-implicit Euler with the same springs."""
     w = math.sqrt(CLOTH["eigenvalue"] * CLOTH["stiffness"] / CLOTH["mass"])
@@ -70,6 +70,7 @@ def _least(rows: Sequence[Row], scheme: str, precision: str) -> Row | None:
     return min(finite, key=lambda row: row.value, default=None)
 
 
+@CLAIMS.add("float32-least", "Where the error in float32 stops to fall was not measured.")
 def floor(results: Results) -> Claim:
     """Smallest error in float32, and the increase of the error at smaller steps."""
     _, measured = of_finding(results, FLOOR)
@@ -83,21 +84,19 @@ def floor(results: Results) -> Claim:
         numbers[scheme] = least.value
         worse = worse and smallest.value > 2 * least.value
         parts.append(f"{number(least.value, 2)} spacings with {scheme}, at {seconds(least.dt, 2)}")
-    if not parts:
-        return Claim("Where the error in float32 stops to fall was not measured.")
-    text = f"In float32 the least error on {SCENE} is {words.listed(parts)}"
+    text = f"In float32 the least error on {SCENE} is {words.listed(needed(parts))}"
     if not worse:
         return Claim(f"{text}; no rise at smaller steps was seen.", numbers, False)
     return Claim(f"{text}; still smaller steps make it worse, because each of them rounds once more.", numbers, True)
 
 
+@CLAIMS.add("far-away", "Far from the origin, float32 was not measured.")
 def far_away(results: Results) -> Claim:
     """B14: the hand-out's step and velocity Verlet far from the origin in float32."""
     _, measured = of_finding(results, AWAY)
     farthest = max((row.offset for row in measured), default=0.0)
     at = {row.scheme: row.value for row in measured if row.offset == farthest}
-    if farthest == 0 or not {"lab", "velocity-verlet"} <= set(at):
-        return Claim("Far from the origin, float32 was not measured.")
+    needed(farthest > 0 and {"lab", "velocity-verlet"} <= set(at))
     lab, verlet = at["lab"], at["velocity-verlet"]
     where = f"At {number(farthest, 1)} m from the origin a falling chain in float32 is off by"
     text = f"{where} {number(lab, 2)} spacings after a second with lab and by {number(verlet, 2)} with velocity-verlet"
@@ -123,11 +122,10 @@ def _frequency() -> float:
     return float((scene.springs.stiffness / scene.grid.mass) ** 0.5)
 
 
+@CLAIMS.add("dissipation", "What a step damps by itself was not measured.")
 def dissipation(results: Results) -> Claim:
     """Change of an undamped oscillation by each integrator, compared with theory."""
-    _, measured = of_finding(results, DISSIPATION)
-    if not measured:
-        return Claim("What a step damps by itself was not measured.")
+    measured = needed(of_finding(results, DISSIPATION)[1])
     off = max(
         (abs(row.value - theory(row.scheme, row.dt)) for row in measured if abs(row.value) <= NOTHING), default=0.0
     )
@@ -158,6 +156,7 @@ def _changes(gain: float) -> str:
     return "grows" if gain > 0 else "shrinks"
 
 
+@CLAIMS.add("exact-cost", "What exact math costs was not measured.")
 def exact_cost(results: Results) -> Claim:
     """Time of a step in exact math over that in fast math, by backend, in float32 at the largest size."""
     parts, numbers, supported = [], {}, False
@@ -171,28 +170,14 @@ def exact_cost(results: Results) -> Claim:
             parts.append(f"{words.times(ratio)} as long on {where} ({words.masses(fast.particles)})")
         else:
             parts.append(f"no longer beyond measurement noise on {where} ({words.masses(fast.particles)})")
-    if not parts:
-        return Claim("What exact math costs was not measured.")
-    return Claim(f"A step of velocity Verlet in exact math takes {words.listed(parts)}.", numbers, supported)
+    return Claim(f"A step of velocity Verlet in exact math takes {words.listed(needed(parts))}.", numbers, supported)
 
 
+@CLAIMS.add("growth", "How much a disturbance grows was not measured.")
 def growth(results: Results) -> Claim:
     """Growth of a disturbance up to the end time, which decides whether errors of trajectories have a meaning."""
-    known = [p.growth for p in quoted_points(results) if p.growth is not None]
-    if not known:
-        return Claim("How much a disturbance grows was not measured.")
-    text = f"By the end of {SCENE} a disturbance of a billionth of a spacing has changed by a factor of {number(known[0], 2)}"
-    if known[0] <= 1:
-        return Claim(f"{text}: the motion forgets it, and errors keep their meaning.", {"growth": known[0]}, True)
-    return Claim(f"{text}; errors are to be read with that in mind.", {"growth": known[0]}, False)
-
-
-CLAIMS: Claims = {
-    "verlet-damping": verlet_damping,
-    "cloth-limit": cloth_limit,
-    "float32-least": floor,
-    "far-away": far_away,
-    "dissipation": dissipation,
-    "exact-cost": exact_cost,
-    "growth": growth,
-}
+    factor, *_ = needed([p.growth for p in quoted_points(results) if p.growth is not None])
+    text = f"By the end of {SCENE} a disturbance of a billionth of a spacing has changed by a factor of {number(factor, 2)}"
+    if factor <= 1:
+        return Claim(f"{text}: the motion forgets it, and errors keep their meaning.", {"growth": factor}, True)
+    return Claim(f"{text}; errors are to be read with that in mind.", {"growth": factor}, False)

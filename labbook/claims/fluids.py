@@ -16,10 +16,11 @@ from softlab.bench.measure.declaration import Part, Sentence
 from softlab.labbook.claims.claim import SUSPECT, Claim, Claims, where
 from softlab.labbook.claims.declared import by_backend
 from softlab.plots.core.backends import on_backends
-from softlab.plots.core.data import Results, Source
+from softlab.plots.core.data import Results, Source, needed
 from softlab.plots.figures.fluids import phases, truth
 from softlab.plots.figures.fluids import rest as rest_figure
 
+CLAIMS = Claims()
 # all must hold at once
 BOUNDS = {laws.MEAN: 0.01, laws.LARGEST: 0.03, laws.HEIGHT: 0.01, laws.SPEED: 0.01, laws.PRESSURE: 0.03}
 BOUND_WORDS = (
@@ -30,28 +31,24 @@ BOUND_WORDS = (
 FEWEST = (2, 3)  # substeps, iterations: those of particle libraries
 
 
-def _runs_of(results: Results, kind: str) -> tuple[str, Source, list[Judged]] | None:
-    """Return (backend, machine, rows of a kind) of the first backend that has some."""
-    for backend, source, rows in on_backends(results, truth.on):
-        of_kind = [row for row in rows if row.kind == kind]
-        if of_kind:
-            return backend, source, of_kind
-    return None
+def _runs_of(results: Results, kind: str) -> tuple[str, Source, list[Judged]]:
+    """Return (backend, machine, rows of a kind) of the first backend that has some. Raises NotMeasured."""
+    measured = [
+        (one, source, [r for r in rows if r.kind == kind]) for one, source, rows in on_backends(results, truth.on)
+    ]
+    return needed([one for one in measured if one[2]])[0]
 
 
 def _all_at_once(row: Judged) -> bool:
     return all(abs(row.numbers.get(name, float("inf"))) <= bound for name, bound in BOUNDS.items())
 
 
+@CLAIMS.add("fluids-column", "A standing column of water was not measured.")
 def column(results: Results) -> Claim:
     """Efforts that preserve a column in all respects, and the height of the column with others."""
-    selection = _runs_of(results, COLUMN)
-    if selection is None:
-        return Claim("A standing column of water was not measured.")
-    backend, source, runs = selection
+    backend, source, runs = _runs_of(results, COLUMN)
     able = sorted((r for r in runs if _all_at_once(r) and r.frame), key=lambda r: r.frame or 0.0)
-    parts: list[str] = []
-    numbers: dict[str, float] = {}
+    parts, numbers = list[str](), dict[str, float]()
     if able:
         best = able[0]
         numbers |= {f"{best.who} frame": best.frame or 0.0, f"{best.who} mean": best.numbers[laws.MEAN]}
@@ -74,26 +71,23 @@ def column(results: Results) -> Claim:
     return Claim(f"{text}: on {where(backend, source)}, {'; '.join(parts)}{busy}.", numbers, bool(able))
 
 
+@CLAIMS.add("fluids-fastest", "The fastest setting for a standing column of water was not measured.")
 def fastest(results: Results) -> Claim:
     """Fastest effort that preserves a column, in one sentence."""
-    selection = _runs_of(results, COLUMN)
-    able = [] if selection is None else [r for r in selection[2] if _all_at_once(r) and r.frame]
-    if selection is None or not able:
-        return Claim("The fastest setting for a standing column of water was not measured.")
-    best = min(able, key=lambda r: r.frame or 0.0)
+    backend, source, runs = _runs_of(results, COLUMN)
+    best = min(needed([r for r in runs if _all_at_once(r) and r.frame]), key=lambda r: r.frame or 0.0)
     text = (
         f"A column keeps {BOUND_WORDS} fastest with {best.who}, {best.effort} substeps x iterations, on "
-        f"{where(selection[0], selection[1])}{SUSPECT if best.suspect else ''}."
+        f"{where(backend, source)}{SUSPECT if best.suspect else ''}."
     )
     return Claim(text, {"frame": best.frame or 0.0}, True)
 
 
+@CLAIMS.add("fluids-dam", "The front of a breaking dam was not measured.")
 def dam(results: Results) -> Claim:
     """Error of the front against the experiment, and the first point, which no scheme can reach."""
-    selection = _runs_of(results, DAM)
-    lab_runs = [] if selection is None else [r for r in selection[2] if not r.peer and laws.FRONT in r.numbers]
-    if selection is None or not lab_runs:
-        return Claim("The front of a breaking dam was not measured.")
+    _, _, runs = _runs_of(results, DAM)
+    lab_runs = needed([r for r in runs if not r.peer and laws.FRONT in r.numbers])
     best = min(lab_runs, key=lambda r: r.numbers[laws.FRONT])
     later = min(lab_runs, key=lambda r: r.numbers[laws.FRONT_LATER])
     numbers = {"front": best.numbers[laws.FRONT], "later": later.numbers[laws.FRONT_LATER], "start": start_off()}
@@ -104,7 +98,7 @@ def dam(results: Results) -> Claim:
         "at rest meets all three. All "
         f"others are met within {_percentage(later.numbers[laws.FRONT_LATER])} ({later.who}, {later.effort})."
     )
-    others = [r for r in selection[2] if r.peer and laws.FRONT in r.numbers]
+    others = [r for r in runs if r.peer and laws.FRONT in r.numbers]
     if others:
         errors = [
             f"{r.who} {_percentage(r.numbers[laws.FRONT])}, and {_percentage(r.numbers[laws.FRONT_LATER])} without the first"
@@ -115,16 +109,14 @@ def dam(results: Results) -> Claim:
     return Claim(text, numbers, best.numbers[laws.FRONT_LATER] <= best.numbers[laws.FRONT])
 
 
+@CLAIMS.add("fluids-viscosity", "The numerical viscosity was not measured.")
 def viscosity(results: Results) -> Claim:
     """Numerical viscosity at the finest spacing, where the scene has none, and its fall with the spacing."""
-    selection = _runs_of(results, VORTICES)
-    if selection is None:
-        return Claim("The numerical viscosity was not measured.")
-    parts: list[str] = []
-    numbers: dict[str, float] = {}
-    for who in dict.fromkeys(r.who for r in selection[2]):
-        runs = sorted((r for r in selection[2] if r.who == who), key=lambda r: r.spacing)
-        fine, coarse = runs[0], runs[-1]
+    _, _, runs = _runs_of(results, VORTICES)
+    parts, numbers = list[str](), dict[str, float]()
+    for who in dict.fromkeys(r.who for r in runs):
+        of_scheme = sorted((r for r in runs if r.who == who), key=lambda r: r.spacing)
+        fine, coarse = of_scheme[0], of_scheme[-1]
         numbers[who] = fine.numbers[laws.VISCOSITY]
         more = ""
         if coarse.spacing > fine.spacing:
@@ -132,7 +124,7 @@ def viscosity(results: Results) -> Claim:
             wider = coarse.spacing / fine.spacing
             more = f" ({coarse.numbers[laws.VISCOSITY]:.2g} m²/s at {wider:.2g} times the particle spacing)"
         parts.append(f"{numbers[who]:.2g} m²/s by {who}{more}")
-    fine = min(selection[2], key=lambda r: r.spacing)
+    fine = min(runs, key=lambda r: r.spacing)
     text = (
         f"Asked for none, vortices in a box of a metre at 1 m/s meet a viscosity of {words.listed(parts)}, with particles "
         f"{100 * fine.spacing:g} cm apart: syrup, not water."
@@ -140,14 +132,12 @@ def viscosity(results: Results) -> Claim:
     return Claim(text, numbers, True)
 
 
+@CLAIMS.add("fluids-drop", "The pressure in a drop was not measured.")
 def drop(results: Results) -> Claim:
     """Pressure in a drop, which does not fall with the radius: cohesion is not a surface tension by Laplace's law."""
-    selection = _runs_of(results, DROP)
-    drops = [] if selection is None else [r for r in selection[2] if r.numbers.get(laws.INSIDE, 0.0) > 0]
+    drops = [r for r in _runs_of(results, DROP)[2] if r.numbers.get(laws.INSIDE, 0.0) > 0]
     sizes = [sorted((r for r in drops if r.who == who), key=lambda r: r.particles) for who in {r.who: 0 for r in drops}]
-    series = next((rows for rows in sizes if len(rows) > 1), [])
-    if not series:
-        return Claim("The pressure in a drop was not measured.")
+    series = needed([rows for rows in sizes if len(rows) > 1])[0]
     small, large = series[0], series[-1]
     larger = (large.particles / small.particles) ** (1 / 3)
     ratio = large.numbers[laws.INSIDE] / small.numbers[laws.INSIDE]
@@ -160,20 +150,14 @@ def drop(results: Results) -> Claim:
     return Claim(text, {"ratio": ratio, "law": 1 / larger}, ratio > 1 / larger)
 
 
+@CLAIMS.add("fluids-peers", "Other fluid programs were not timed.")
 def peers(results: Results) -> Claim:
     """Time of other programs for the tank, compared with the lab's at equal error."""
-    selection = _runs_of(results, TANK)
-    others = [] if selection is None else [r for r in selection[2] if r.peer and r.frame and laws.MEAN in r.numbers]
-    if selection is None or not others:
-        return Claim("Other fluid programs were not timed.")
-    parts: list[str] = []
-    numbers: dict[str, float] = {}
-    for other in others:
-        able = [
-            r
-            for r in selection[2]
-            if not r.peer and r.frame and r.numbers.get(laws.MEAN, 1.0) <= other.numbers[laws.MEAN]
-        ]
+    backend, source, runs = _runs_of(results, TANK)
+    timed = [r for r in runs if r.frame]
+    parts, numbers = list[str](), dict[str, float]()
+    for other in needed([r for r in timed if r.peer and laws.MEAN in r.numbers]):
+        able = [r for r in timed if not r.peer and r.numbers.get(laws.MEAN, 1.0) <= other.numbers[laws.MEAN]]
         if able:
             best = min(able, key=lambda r: r.frame or 0.0)
             numbers[other.who] = ratio = (other.frame or 0.0) / (best.frame or 1.0)
@@ -181,26 +165,18 @@ def peers(results: Results) -> Claim:
                 f"{other.who} takes {words.times(ratio)} as long as {best.who} with {best.effort}, whose density error, "
                 f"{_percentage(best.numbers[laws.MEAN])}, is no larger than its {_percentage(other.numbers[laws.MEAN])}"
             )
-    if not parts:
-        return Claim(
-            "Other programs keep the density of a tank at rest better than any effort of the lab's that was tried.",
-            {},
-            False,
-        )
-    busy = SUSPECT if any(r.suspect for r in selection[2]) else ""
-    return Claim(
-        f"In a tank at rest, sampled in turn on {where(selection[0], selection[1])}, {words.listed(parts)}{busy}.",
-        numbers,
-        True,
+    needed(
+        parts, "Other programs keep the density of a tank at rest better than any effort of the lab's that was tried."
     )
+    busy = SUSPECT if any(r.suspect for r in runs) else ""
+    text = f"In a tank at rest, sampled in turn on {where(backend, source)}, {words.listed(parts)}{busy}."
+    return Claim(text, numbers, True)
 
 
+@CLAIMS.add("fluids-rest", "Water at rest was not measured.")
 def rest(results: Results) -> Claim:
     """Which schemes and substeps leave a still tank at rest, beside another program."""
-    measured = on_backends(results, rest_figure.on)
-    if not measured:
-        return Claim("Water at rest was not measured.")
-    backend, source, rows = measured[0]
+    backend, source, rows = needed(on_backends(results, rest_figure.on))[0]
     tanks = [r for r in rows if r.kind == STILL_TANK]
     numbers: dict[str, float] = {}
     parts: list[str] = []
@@ -237,10 +213,10 @@ def rate(rows: Sequence[Row]) -> Part:
     return text, {"": point.rate}
 
 
-RATE = Sentence(
+CLAIMS["fluids-rate"] = by_backend(phases.on, Sentence(
     "Two substeps of three iterations: {}.", rate, "The rate of fluid particles was not measured.",
     form="on {place} {part}", join="; ".join,
-)  # fmt: skip
+))  # fmt: skip
 
 
 def _rate(value: float) -> str:
@@ -251,15 +227,3 @@ def _rate(value: float) -> str:
 def _percentage(value: float) -> str:
     """Return e.g. `5.13 %`."""
     return f"{100 * value:.3g}{words.SPACE}%"
-
-
-CLAIMS: Claims = {
-    "fluids-column": column,
-    "fluids-fastest": fastest,
-    "fluids-dam": dam,
-    "fluids-viscosity": viscosity,
-    "fluids-drop": drop,
-    "fluids-peers": peers,
-    "fluids-rate": by_backend(phases.on, RATE),
-    "fluids-rest": rest,
-}

@@ -9,10 +9,11 @@ from softlab.bench.measure.words import count, number
 from softlab.bench.stress.numbers import SLOW_DOWN
 from softlab.bench.stress.results import CODES, VERDICT, HardRow, disagreements, in_full, rounding_differences
 from softlab.labbook.claims.claim import Claim, Claims, committed_of
-from softlab.plots.core.data import Results, Source
+from softlab.plots.core.data import Results, Source, needed
 from softlab.plots.core.older import older_items
 from softlab.plots.figures.hard import hard_rows
 
+CLAIMS = Claims()
 NOT_RUN = "The hard cases were not run."
 HOME = 1e-6  # m: a smaller distance from the hanging grid counts as having returned to it
 
@@ -98,16 +99,19 @@ def compare_backends(rows: Sequence[HardRow], sources: Sequence[Source] = ()) ->
     )
 
 
+CLAIMS["hard-verdicts"] = lambda results: count_verdicts(*hard_rows(results))
+CLAIMS["hard-backends"] = lambda results: compare_backends(*hard_rows(results))
+
+
+@CLAIMS.add("hard-known", "No run failed by the nature of its method.")
 def known(results: Results) -> Claim:
     """Failures that are inherent in a method, with the reasons."""
     reasons: dict[str, dict[str, set[str]]] = {}
     for row in verdict_rows(results):
         if row.verdict == "known":
             reasons.setdefault(row.diagnosis, {}).setdefault(row.integrator, set()).add(row.case)
-    if not reasons:
-        return Claim("No run failed by the nature of its method.")
     parts = []
-    for reason, where in reasons.items():
+    for reason, where in needed(reasons).items():
         counted = [f"{name} in {words.things(len(cases), 'case')}" for name, cases in where.items()]
         parts.append(f"{words.listed(counted)}: {reason}")
     return Claim(
@@ -115,6 +119,7 @@ def known(results: Results) -> Claim:
     )
 
 
+@CLAIMS.add("hard-far", "Chains far from the origin were not run in float32.")
 def far(results: Results) -> Claim:
     """B14: distance of a chain far from the origin, in float32, from its run at the origin."""
     rows = [r for r in verdict_rows(results) if r.case.startswith("B14") and r.precision == "float32"]
@@ -125,22 +130,18 @@ def far(results: Results) -> Claim:
         if values:
             numbers[integrator] = max(values)
             parts.append(f"{number(max(values), 2)} units in the last place with {integrator}")
-    if not parts:
-        return Claim("Chains far from the origin were not run in float32.")
-    text = (
-        f"A chain let go far from the origin ends, in float32, at most {words.listed(parts)} from its run at the origin"
-    )
+    off = words.listed(needed(parts))
+    text = f"A chain let go far from the origin ends, in float32, at most {off} from its run at the origin"
     if "lab" in numbers and numbers["lab"] > numbers.get("velocity-verlet", 0.0):
         text += ": the hand-out takes its velocity from two rounded positions, the others store it"
     return Claim(text + ".", numbers, True)
 
 
+@CLAIMS.add("hard-collapsed", "A grid collapsed to a point was not run.")
 def collapsed(results: Results) -> Claim:
     """B5: end states of a grid that was collapsed to a point."""
     rows = [r for r in verdict_rows(results) if r.case == "B5 point" and r.precision == "float64"]
-    away = [v for r in rows if (v := measured_value(r, "distance from the hanging grid")) is not None]
-    if not away:
-        return Claim("A grid collapsed to a point was not run.")
+    away = needed([v for r in rows if (v := measured_value(r, "distance from the hanging grid")) is not None])
     home = sum(value < HOME for value in away)
     returned = count(home) if home else "none"
     text = f"Of {count(len(away))} runs from a single point in float64, {returned} came back to the hanging grid"
@@ -149,6 +150,7 @@ def collapsed(results: Results) -> Claim:
     return Claim(text + ".", {"runs": float(len(away)), "home": float(home), "farthest": max(away)}, True)
 
 
+@CLAIMS.add("hard-denormals", "What denormal numbers cost was not measured.")
 def denormal(results: Results) -> Claim:
     """B15: cost of denormal numbers."""
     rows = [r for r in verdict_rows(results) if r.case == "B15"]
@@ -157,21 +159,9 @@ def denormal(results: Results) -> Claim:
         value = measured_value(row, "time over that of ordinary numbers")
         if value is not None:
             ratios[row.backend] = max(value, ratios.get(row.backend, 0.0))
-    if not ratios:
-        return Claim("What denormal numbers cost was not measured.")
-    parts = [f"{number(value, 2)} on the {backend.upper()}" for backend, value in ratios.items()]
+    parts = [f"{number(value, 2)} on the {backend.upper()}" for backend, value in needed(ratios).items()]
     over = [f"on the {backend.upper()}" for backend, value in ratios.items() if value > SLOW_DOWN]
     verdict = f"; {words.listed(over)} that is more than" if over else ", within"
     text = f"Denormal numbers slow a step down by a factor of at most {words.listed(parts)}{verdict} the {SLOW_DOWN:g} "
     text += "aimed at."
     return Claim(text, ratios, True)
-
-
-CLAIMS: Claims = {
-    "hard-verdicts": lambda results: count_verdicts(*hard_rows(results)),
-    "hard-backends": lambda results: compare_backends(*hard_rows(results)),
-    "hard-known": known,
-    "hard-far": far,
-    "hard-collapsed": collapsed,
-    "hard-denormals": denormal,
-}

@@ -11,9 +11,10 @@ from softlab.bench.stress.bodies import OFF_LAW, OFF_NEWTON, OUT_OF_SHAPE, SPIN_
 from softlab.bench.stress.results import HardRow
 from softlab.labbook.claims.claim import Claim, Claims
 from softlab.labbook.claims.hard import compare_backends, count_verdicts, measured_value
-from softlab.plots.core.data import Results
+from softlab.plots.core.data import Results, needed
 from softlab.plots.figures.hard_bodies import body_rows
 
+CLAIMS = Claims()
 FEW = 0.02  # fraction of the spin that rounding may take without a remark
 
 
@@ -21,10 +22,13 @@ def _rows(results: Results) -> list[HardRow]:
     return body_rows(results)[0]
 
 
+@CLAIMS.add("hard-bodies", "The hard cases of bodies were not run.")
 def verdicts(results: Results) -> Claim:
     """Number of runs by verdict."""
-    rows = _rows(results)
-    return count_verdicts(rows) if rows else Claim("The hard cases of bodies were not run.")
+    return count_verdicts(needed(_rows(results)))
+
+
+CLAIMS["hard-body-backends"] = lambda results: compare_backends(*body_rows(results))
 
 
 def _one(rows: list[HardRow], case: str, precision: str = "float64") -> HardRow | None:
@@ -38,6 +42,7 @@ def _values(row: HardRow | None, names: Sequence[str]) -> list[float]:
     return [value for value in values if value is not None] if None not in values else []
 
 
+@CLAIMS.add("hard-body-spin", "The spin of a rigid body was not judged.")
 def spin(results: Results) -> Claim:
     """S7 and A8: remaining spin of a rigid body, and where float32 deviates from the law."""
     rows = _rows(results)
@@ -45,9 +50,7 @@ def spin(results: Results) -> Claim:
     by_case = {
         case: values for case in cases if (values := _values(_one(rows, case), (SPIN_FRACTION, OFF_LAW, OFF_NEWTON)))
     }
-    if not by_case:
-        return Claim("The spin of a rigid body was not judged.")
-    parts = [f"{percent(remaining)} with {_substeps(case)}" for case, (remaining, _, _) in by_case.items()]
+    parts = [f"{percent(remaining)} with {_substeps(case)}" for case, (remaining, _, _) in needed(by_case).items()]
     off = max(values[1] for values in by_case.values())
     last = list(by_case)[-1]
     text = (
@@ -74,25 +77,15 @@ def _substeps(case: str) -> int:
     return int(case.split()[1])
 
 
+@CLAIMS.add("hard-body-shapes", "Bodies were not squashed.")
 def shapes(results: Results) -> Claim:
     """A10: recovery of squashed and mirrored bodies."""
-    rows = [
-        row for row in _rows(results) if row.case.startswith("A10") and measured_value(row, OUT_OF_SHAPE) is not None
-    ]
-    if not rows:
-        return Claim("Bodies were not squashed.")
-    worst = max(measured_value(row, OUT_OF_SHAPE) or 0.0 for row in rows)
+    squashed = [row for row in _rows(results) if row.case.startswith("A10")]
+    rows = [row for row in squashed if measured_value(row, OUT_OF_SHAPE) is not None]
+    worst = max(measured_value(row, OUT_OF_SHAPE) or 0.0 for row in needed(rows))
     starts = len({row.case for row in rows})
     return Claim(
         "A jelly that was squashed flat, onto a line or into a point, mirrored or turned inside out finds its shape again, "
         f"in {count(len(rows))} runs of {count(starts)} such starts to {percent(worst)} of a spacing.",
         {"worst": worst, "runs": float(len(rows))}, all(row.verdict == "pass" for row in rows),
     )  # fmt: skip
-
-
-CLAIMS: Claims = {
-    "hard-bodies": verdicts,
-    "hard-body-backends": lambda results: compare_backends(*body_rows(results)),
-    "hard-body-spin": spin,
-    "hard-body-shapes": shapes,
-}

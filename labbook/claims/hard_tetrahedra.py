@@ -7,8 +7,9 @@ from softlab.bench.stress.results import OF_TETRAHEDRA, HardRow, rows_of
 from softlab.bench.stress.tetrahedra import OF_FOUR, RATIO, RECOVERY, STORED, STRETCH, VOLUME
 from softlab.labbook.claims.claim import Claim, Claims
 from softlab.labbook.claims.hard import count_verdicts, measured_value
-from softlab.plots.core.data import Results, judgements
+from softlab.plots.core.data import Results, judgements, needed
 
+CLAIMS = Claims()
 SQUASHED = "B22"  # the case of the plates, not of the bar
 
 
@@ -22,17 +23,17 @@ def _values(rows: list[HardRow], case: str, name: str) -> list[float]:
     return [value for row in runs if (value := measured_value(row, name)) is not None]
 
 
+@CLAIMS.add("hard-tetrahedra", "The hard cases of tetrahedra were not run.")
 def verdicts(results: Results) -> Claim:
     """Number of runs by verdict."""
-    rows = _rows(results)
-    return count_verdicts(rows) if rows else Claim("The hard cases of tetrahedra were not run.")
+    return count_verdicts(needed(_rows(results)))
 
 
+@CLAIMS.add("hard-tetrahedra-laws", "Tetrahedra were not flattened, pressed or poked.")
 def laws(results: Results) -> Claim:
     """B21: recovery of shape; B22: loss of volume; B23: no gain of energy with one iteration."""
     rows = _rows(results)
-    parts: list[str] = []
-    numbers: dict[str, float] = {}
+    parts, numbers = list[str](), dict[str, float]()
     ratios, off = _values(rows, "B21", RATIO), _values(rows, "B21", STRETCH)
     if ratios and off:
         numbers |= {"ratio": min(ratios), "stretch": max(off)}
@@ -54,10 +55,5 @@ def laws(results: Results) -> Claim:
         parts.append(
             f"a stiff bar with one iteration a frame never has more than {percent(max(most))} of the energy it began with"
         )
-    if not parts:
-        return Claim("Tetrahedra were not flattened, pressed or poked.")
-    text = "; ".join(parts)
+    text = "; ".join(needed(parts))
     return Claim(f"{text[0].upper()}{text[1:]}.", numbers, all(row.verdict in ("pass", "known") for row in rows))
-
-
-CLAIMS: Claims = {"hard-tetrahedra": verdicts, "hard-tetrahedra-laws": laws}

@@ -13,20 +13,22 @@ from softlab.labbook.claims.declared import by_backend
 from softlab.plots.core.apart import apart, too_few
 from softlab.plots.core.backends import on_backends
 from softlab.plots.core.bandwidth import disturbed, from_memory
-from softlab.plots.core.data import Results, Source, sound
+from softlab.plots.core.data import Results, Source, needed, sound
 from softlab.plots.core.ladder import defaults, fastest, machine_of
 from softlab.plots.core.pairs import at_one_size
 from softlab.plots.figures.joules import counted_joules, watts
 from softlab.plots.figures.roofline import ceilings
 
+CLAIMS = Claims()
 
+
+@CLAIMS.add("choice-cpu", "Whether the CPU chooses its fastest kernel was not measured.", ("cpu",))
+@CLAIMS.add("choice-gpu", "Whether the GPU chooses its fastest kernel was not measured.", ("gpu",))
 def choice(results: Results, backend: str) -> Claim:
     """Number of sizes at which the kernel that a backend chooses is the fastest."""
-    source = machine_of(results, backend)
-    chosen = {t.particles: t for t in defaults(source, backend)} if source else {}
-    best = [t for t in fastest(source, backend) if t.particles in chosen] if source else []
-    if source is None or not best:
-        return Claim(f"Whether the {backend.upper()} chooses its fastest kernel was not measured.")
+    source = needed(machine_of(results, backend))
+    chosen = {t.particles: t for t in defaults(source, backend)}
+    best = needed([t for t in fastest(source, backend) if t.particles in chosen])
     timed = len(fastest(source, backend))
     pairs, suspect = trusted([(chosen[t.particles], t) for t in best])
     best = [t for _, t in pairs]
@@ -46,17 +48,17 @@ def choice(results: Results, backend: str) -> Claim:
     return Claim(f"{text}{suspect}.", numbers, True)
 
 
+ROOF = "How the {}'s kernels stand against its ceilings beyond the caches was not measured."
+
+
+@CLAIMS.add("roof-cpu", ROOF.format("CPU"), ("cpu",))
+@CLAIMS.add("roof-gpu", ROOF.format("GPU"), ("gpu",))
 def roof(results: Results, backend: str) -> Claim:
     """Largest fraction of the roof of one step per pass that any kernel reaches, and of the arithmetic roof."""
-    source = machine_of(results, backend, lambda s: ceilings(s, backend) is not None and not disturbed(s))
-    limits = ceilings(source, backend) if source else None
-    beyond = [(t,) for t in fastest(source, backend) if from_memory(source, t)] if source else []
-    ranked, suspect = trusted(beyond)
-    if source is None or limits is None or not ranked:
-        return Claim(
-            f"How the {backend.upper()}'s kernels stand against its ceilings beyond the caches was not measured."
-        )
-    best = max((t for (t,) in ranked), key=limits.fraction)
+    source = needed(machine_of(results, backend, lambda s: ceilings(s, backend) is not None and not disturbed(s)))
+    limits = needed(ceilings(source, backend))
+    ranked, suspect = trusted([(t,) for t in fastest(source, backend) if from_memory(source, t)])
+    best = max((t for (t,) in needed(ranked)), key=limits.fraction)
     fraction = limits.fraction(best)
     numbers = {"share": fraction, "masses": best.particles}
     more = "more" if fraction > 1 else "no more"
@@ -71,10 +73,10 @@ def roof(results: Results, backend: str) -> Claim:
     return Claim(f"{text}.", numbers, True)
 
 
+@CLAIMS.add("energy", "No joules were counted: the machine has no energy counter that may be read.")
 def energy(results: Results) -> Claim:
     """Energy of the most and the least economical kernel at the largest size of each backend with a counter."""
-    parts: list[str] = []
-    numbers: dict[str, float] = {}
+    parts, numbers = list[str](), dict[str, float]()
     for backend, source, counted in on_backends(results, counted_joules):
         size = max(t.particles for t, _ in counted)
         here = sorted(((j, t) for t, j in counted if t.particles == size), key=lambda entry: entry[0])
@@ -90,9 +92,7 @@ def energy(results: Results) -> Claim:
                 f"{number(watts(source, wasteful) or 0.0, 2)}{words.SPACE}W)"
             )
         parts.append(f"{text}.")
-    if not parts:
-        return Claim("No joules were counted: the machine has no energy counter that may be read.")
-    return Claim(" ".join(parts), numbers, True)
+    return Claim(" ".join(needed(parts)), numbers, True)
 
 
 def _starts(source: Source, backend: str) -> list[float]:
@@ -108,27 +108,28 @@ def starts(durations: Sequence[float]) -> Part:
     return f"{seconds(cold, 2)} the first time and {seconds(warm, 2)} from then on", {"cold": cold, "warm": warm}
 
 
-STARTS = Sentence(
+CLAIMS["starts"] = by_backend(_starts, Sentence(
     "The whole process of one step of the lab grid, from the command to its end, takes {}.", starts,
     "How long a user waits for the first step was not measured.", form="{part}, on {place}", join="; ".join,
-)  # fmt: skip
+))  # fmt: skip
 
 
 # ---------------------------------------------------------------------- more threads than cores
 
 
+@CLAIMS.add("crowded-fused", "", ("fused",))
+@CLAIMS.add("crowded-team", "", ("team", "fused"))
 def crowded(results: Results, kernel: str, against: str | None = None) -> Claim:
     """A kernel with 4x threads compared with itself with 1x, or with kernel `against` with 4x.
 
     On the smallest grid that both ran.
     """
-    source = machine_of(results, "cpu")
-    more = source.ladder("cpu", word="4x").get(kernel, []) if source else []
-    other = source.ladder("cpu", word="4x" if against else "1x").get(against or kernel, []) if source else []
+    missing = f"The kernel {kernel} was not timed with more threads than cores."
+    source = needed(machine_of(results, "cpu"), missing)
+    more = source.ladder("cpu", word="4x").get(kernel, [])
+    other = source.ladder("cpu", word="4x" if against else "1x").get(against or kernel, [])
     both, suspect = trusted(at_one_size(sound(other), sound(more)))
-    if source is None or not both:
-        return Claim(f"The kernel {kernel} was not timed with more threads than cores.")
-    base, packed = both[0]
+    base, packed = needed(both, missing)[0]
     name = f"{against} with 4x" if against else "with 1x"
     ratio = packed.median / base.median
     at = f"{on(source, 'cpu')}, at {masses(packed.particles)} and with 4x threads, a step of {kernel} takes"
@@ -143,15 +144,14 @@ def crowded(results: Results, kernel: str, against: str | None = None) -> Claim:
     return Claim(f"{at} {seconds(packed.median)}, {factor} {name}{suspect}.", numbers, True)
 
 
+@CLAIMS.add("policies", "What spinning and sleeping cost was not measured.")
 def policies(results: Results) -> Claim:
     """Cost of an empty parallel region with spinning and with sleeping idle threads, with few threads and with many."""
-    source = results.first(lambda s: s.machine.record.get("region_policies"))
-    costs = (source.machine.record["region_policies"] if source else None) or {}
+    source, costs = needed(results.first_with(lambda s: s.machine.record.get("region_policies")))
     spin, sleep = ({int(n): cost for n, cost in (costs.get(p) or {}).items()} for p in ("active", "passive"))
-    cores = source.machine.record.get("cores") if source else None
-    many = max(set(spin) & set(sleep), default=0)
-    if source is None or not cores or cores not in spin or cores not in sleep or many <= cores:
-        return Claim("What spinning and sleeping cost was not measured.")
+    cores, shared = source.machine.record.get("cores"), set(spin) & set(sleep)
+    many = max(shared, default=0)
+    needed(cores and cores in shared and many > cores)
     few_times, many_times = sleep[cores] / spin[cores], spin[many] / sleep[many]
     text = (
         f"{on(source, 'cpu')}, with {cores} threads on {cores} cores an empty region costs {seconds(spin[cores], 2)} when "
@@ -166,16 +166,3 @@ def policies(results: Results) -> Claim:
         text += "Sleeping is not the slower of the two here even where each thread has a core."
     numbers = {"spin few": spin[cores], "sleep few": sleep[cores], "spin many": spin[many], "sleep many": sleep[many]}
     return Claim(text, numbers, True)
-
-
-CLAIMS: Claims = {
-    "choice-cpu": lambda results: choice(results, "cpu"),
-    "choice-gpu": lambda results: choice(results, "gpu"),
-    "roof-cpu": lambda results: roof(results, "cpu"),
-    "roof-gpu": lambda results: roof(results, "gpu"),
-    "energy": energy,
-    "starts": by_backend(_starts, STARTS),
-    "crowded-fused": lambda results: crowded(results, "fused"),
-    "crowded-team": lambda results: crowded(results, "team", "fused"),
-    "policies": policies,
-}

@@ -8,9 +8,10 @@ from softlab.bench.experiments.stability.points import Edge, MapPoint, disagreem
 from softlab.bench.measure import words
 from softlab.bench.measure.words import percent, seconds, times
 from softlab.labbook.claims.claim import Claim, Claims, committed_of
-from softlab.plots.core.data import Results
+from softlab.plots.core.data import Results, needed
 from softlab.plots.figures.stability import stability_runs
 
+CLAIMS = Claims()
 CLOSE = 0.01  # largest relative difference of a measured edge from the analytic one
 TRAP, REPAIR = "taylor", "semi-implicit-euler"
 
@@ -33,11 +34,10 @@ def _where(results: Results, entries: list[Edge] | list[MapPoint]) -> str:
     return f"on the {words.listed(backends).replace(' and ', ' and the ')}, in {words.listed(precisions)}"
 
 
+@CLAIMS.add("stability-edges", "The edges of the linear chain were not measured.")
 def edges(results: Results) -> Claim:
     """Largest difference of the measured edges of the chain from the analytic limits."""
-    chain = [e for e in chapter_runs(results)[1] if e.place.chain]
-    if not chain:
-        return Claim("The edges of the linear chain were not measured.")
+    chain = needed([e for e in chapter_runs(results)[1] if e.place.chain])
     worst = max(chain, key=lambda e: abs(e.off))
     numbers = {"worst": abs(worst.off), "edges": len(chain)}
     names = dict.fromkeys(e.place.integrator for e in chain)
@@ -54,12 +54,10 @@ def edges(results: Results) -> Claim:
     return Claim(text, numbers, True)
 
 
+@CLAIMS.add("stability-under", "The map of stability was not measured.")
 def under(results: Results) -> Claim:
     """Runs that diverged at or below their limit."""
-    points = chapter_runs(results)[0]
-    if not points:
-        return Claim("The map of stability was not measured.")
-    safe = [p for p in points if not p.over]
+    safe = [p for p in needed(chapter_runs(results)[0]) if not p.over]
     lost = [p for p in safe if p.lost]
     numbers = {"under": len(safe), "diverged": len(lost)}
     if lost:
@@ -71,12 +69,11 @@ def under(results: Results) -> Claim:
     return Claim(f"Not one of the {len(safe)} runs at or under the limit grew or diverged.", numbers, bool(safe))
 
 
+@CLAIMS.add("stability-over", "No run was over its limit.")
 def over(results: Results) -> Claim:
     """Runs above the limit that stayed bounded: the margin of the bound for any state on this grid."""
-    points = [p for p in chapter_runs(results)[0] if p.over and p.place.limit > 0]
+    points = needed([p for p in chapter_runs(results)[0] if p.over and p.place.limit > 0])
     lost = [p for p in points if p.lost]
-    if not points:
-        return Claim("No run was over its limit.")
     numbers: dict[str, float] = {"over": len(points), "diverged": len(lost)}
     bounded = [p for p in points if not p.diverged]
     text = f"Of the {len(points)} runs over it, {len(lost)} diverged or grew"
@@ -91,25 +88,24 @@ def over(results: Results) -> Claim:
     return Claim(text, numbers, True)
 
 
-def agreement(results: Results, between: str, words_of: tuple[str, str]) -> Claim:
+@CLAIMS.add("stability-backends", "", ("backend", "on one backend"))
+@CLAIMS.add("stability-precisions", "", ("precision", "in one precision"))
+def agreement(results: Results, between: str, one: str) -> Claim:
     """Number of points at which backends, or precisions, differ."""
-    one, many = words_of
     differing, shared = disagreements(chapter_runs(results)[0], between)
-    if not shared:
-        return Claim(f"The map was run {one} only, so {many} were not compared.")
+    needed(shared, f"The map was run {one} only, so {between}s were not compared.")
+    differ = f"{differing} of {shared} points differ" if differing else f"none of {shared} points differs"
     numbers = {"differing": differing, "shared": shared}
-    if differing:
-        return Claim(f"Between {many}, {differing} of {shared} points differ on what diverged.", numbers, True)
-    return Claim(f"Between {many}, none of {shared} points differs on what diverged.", numbers, True)
+    return Claim(f"Between {between}s, {differ} on what diverged.", numbers, True)
 
 
+@CLAIMS.add("stability-trap", f"The edges of {TRAP} and {REPAIR} were not both measured, or do not differ as expected.")
 def trap(results: Results) -> Claim:
     """Step size at the edge of taylor and of semi-implicit Euler, damped: the cost of the plausible repair."""
     chain = [e for e in chapter_runs(results)[1] if e.place.chain and e.place.damping > 0]
     first = {name: next((e for e in chain if e.place.integrator == name), None) for name in (TRAP, REPAIR)}
-    short, long = first[TRAP], first[REPAIR]
-    if short is None or long is None or not 0 < short.measured < long.measured:
-        return Claim(f"The edges of {TRAP} and {REPAIR} were not both measured, or do not differ as expected.")
+    short, long = needed(first[TRAP]), needed(first[REPAIR])
+    needed(0 < short.measured < long.measured)
     ratio = long.measured / short.measured
     text = (
         f"On the damped chain, {TRAP} breaks at {seconds(short.measured)} and {REPAIR}, at the same cost, at "
@@ -118,25 +114,13 @@ def trap(results: Results) -> Claim:
     return Claim(text, {"ratio": ratio}, True)
 
 
+@CLAIMS.add("stability-first-loss", "No run of the map was made.")
 def first_loss(results: Results) -> Claim:
     """Number of steps until divergence is detected."""
-    steps = sorted(p.step for p in chapter_runs(results)[0] if p.step is not None)
-    if not steps:
-        return Claim("No run of the map diverged." if chapter_runs(results)[0] else "No run of the map was made.")
-    middle = steps[len(steps) // 2]
+    diverged = [p.step for p in needed(chapter_runs(results)[0]) if p.step is not None]
+    steps = sorted(needed(diverged, "No run of the map diverged."))
+    middle, last = steps[len(steps) // 2], steps[-1]
     text = (
-        f"Half of the runs that diverge do so within {words.count(middle)} steps, the last after "
-        f"{words.count(steps[-1])}."
+        f"Half of the runs that diverge do so within {words.count(middle)} steps, the last after {words.count(last)}."
     )
-    return Claim(text, {"median": middle, "last": steps[-1]}, True)
-
-
-CLAIMS: Claims = {
-    "stability-edges": edges,
-    "stability-under": under,
-    "stability-over": over,
-    "stability-backends": lambda results: agreement(results, "backend", ("on one backend", "backends")),
-    "stability-precisions": lambda results: agreement(results, "precision", ("in one precision", "precisions")),
-    "stability-trap": trap,
-    "stability-first-loss": first_loss,
-}
+    return Claim(text, {"median": middle, "last": last}, True)

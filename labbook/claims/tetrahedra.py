@@ -12,9 +12,10 @@ from softlab.bench.experiments.tetrahedral.promised import WITHIN
 from softlab.bench.measure import words
 from softlab.labbook.claims.claim import SUSPECT, Claim, Claims, where
 from softlab.plots.core.backends import on_backends
-from softlab.plots.core.data import Results, Source, judgements
+from softlab.plots.core.data import Results, Source, judgements, needed
 from softlab.plots.figures.tetrahedra import middle
 
+CLAIMS = Claims()
 WHOLE = 0.15  # of the continuum's sag: the requested total error, of mesh and solver
 ENOUGH = 0.05  # of the displacement: the requested error in motion
 PRECISION = "float64"  # the precision in which rounding does not add to the solver's error
@@ -49,43 +50,42 @@ def _count(rows: list[Bar]) -> str:
     return f"{words.count(rows[0].elements)} tetrahedra"
 
 
+def _settled(results: Results, solver: str, settings: tuple[int, int]) -> list[Bar]:
+    """Return the bars of a solver with so many substeps and sweeps, on the first backend. Raises NotMeasured."""
+    _, _, rows = needed(on_backends(results, _bars_of))[0]
+    return needed([b for b in rows if b.solver == solver and (b.substeps, b.iterations) == settings])
+
+
+@CLAIMS.add("tetrahedra-usual", "Bars of tetrahedra were not measured.")
 def usual(results: Results) -> Claim:
     """Sag of bars with the usual few substeps over the exact sag, a ratio that does not depend on the machine."""
-    chosen = on_backends(results, _bars_of)
-    for _, _, rows in chosen[:1]:
-        ratios = {
-            b.young: 1 + b.solver_error for b in rows if b.solver == "xpbd" and (b.substeps, b.iterations) == USUAL
-        }
-        if ratios:
-            texts = [f"{words.times(ratio)} as far at {_pascal(young)}" for young, ratio in ratios.items()]
-            return Claim(
-                f"With {USUAL[0]} substeps a frame and one sweep each, a bar of {_count(chosen[0][2])} sags "
-                f"{words.listed(texts)} as the exact rest state of the same mesh.",
-                {f"{young:g}": ratio for young, ratio in ratios.items()}, True,
-            )  # fmt: skip
-    return Claim("Bars of tetrahedra were not measured.")
+    rows = _settled(results, "xpbd", USUAL)
+    ratios = {b.young: 1 + b.solver_error for b in rows}
+    texts = [f"{words.times(ratio)} as far at {_pascal(young)}" for young, ratio in ratios.items()]
+    text = (
+        f"With {USUAL[0]} substeps a frame and one sweep each, a bar of {_count(rows)} sags "
+        f"{words.listed(texts)} as the exact rest state of the same mesh."
+    )
+    return Claim(text, {f"{young:g}": ratio for young, ratio in ratios.items()}, True)
 
 
+@CLAIMS.add("tetrahedra-mesh", "What a coarse mesh costs was not measured.")
 def mesh(results: Results) -> Claim:
     """Error of the meshes themselves, for all that were measured."""
-    for source in results.everyone:
-        off = {b.elements: b.mesh_error for b in bars(source.measures)}
-        if off:
-            texts = [
-                f"{words.percent(abs(error))} too little in {words.count(n)} tetrahedra" for n, error in off.items()
-            ]
-            return Claim(
-                f"That is the error of the solver, not of the mesh: solved to the end, the bar sags {words.listed(texts)}, "
-                "five to a voxel, because a linear tetrahedron cannot bend.",
-                {str(n): error for n, error in off.items()}, True,
-            )  # fmt: skip
-    return Claim("What a coarse mesh costs was not measured.")
+    _, measured = needed(results.first_with(lambda source: bars(source.measures)))
+    off = {b.elements: b.mesh_error for b in measured}
+    texts = [f"{words.percent(abs(error))} too little in {words.count(n)} tetrahedra" for n, error in off.items()]
+    text = (
+        f"That is the error of the solver, not of the mesh: solved to the end, the bar sags {words.listed(texts)}, "
+        "five to a voxel, because a linear tetrahedron cannot bend."
+    )
+    return Claim(text, {str(n): error for n, error in off.items()}, True)
 
 
+@CLAIMS.add("tetrahedra-budget", "What a small error of the solver costs was not measured.")
 def budget(results: Results) -> Claim:
     """Time of a frame within ENOUGH in motion, by the fastest position-based setting and by the fastest other solver."""
-    parts: list[str] = []
-    numbers: dict[str, float] = {}
+    parts, numbers = list[str](), dict[str, float]()
     for backend, source, measured in _of_one_mesh(results):
         texts = []
         for young in sorted({b.young for b in measured}):
@@ -104,13 +104,11 @@ def budget(results: Results) -> Claim:
                 texts[-1] += ")"
         if texts:
             parts.append(f"on {where(backend, source)}, {_count(measured)}, {words.listed(texts)}")
-    if not parts:
-        return Claim("What a small error of the solver costs was not measured.")
-    return Claim(
+    text = (
         f"For a motion within {words.percent(ENOUGH)} of the exact one, half a vibration after release, a position-based "
-        f"frame takes, {'; '.join(parts)}.",
-        numbers, True,
-    )  # fmt: skip
+        f"frame takes, {'; '.join(needed(parts))}."
+    )
+    return Claim(text, numbers, True)
 
 
 def _of_one_mesh(results: Results) -> list[tuple[str, Source, list[Bar]]]:
@@ -123,11 +121,10 @@ def _of_one_mesh(results: Results) -> list[tuple[str, Source, list[Bar]]]:
     return [(name, source, [b for b in rows if b.elements == sizes[name]]) for name, source, rows in chosen]
 
 
+@CLAIMS.add("tetrahedra-total", "No bar was measured that is near the continuum, mesh and solver together.")
 def total(results: Results) -> Claim:
     """Fastest setting within WHOLE of the continuum at rest, mesh and solver together, by Young's modulus."""
-    parts: list[str] = []
-    numbers: dict[str, float] = {}
-    busy = False
+    parts, numbers, busy = list[str](), dict[str, float](), False
     for backend, source, measured in on_backends(results, lambda s, backend: of_one_version(_all(s, backend))):
         texts = []
         for young in sorted({b.young for b in measured}):
@@ -143,23 +140,20 @@ def total(results: Results) -> Claim:
                 f"{words.seconds(best.seconds)}, error {words.percent(best.total_error)}"
             )
         parts.append(f"on {where(backend, source)} {words.listed(texts)}")
-    if not numbers:
-        return Claim("No bar was measured that is near the continuum, mesh and solver together.")
-    return Claim(
+    text = (
         "Mesh and solver together (the sum of their magnitudes at rest, against the continuum), the fastest frames within "
-        f"{words.percent(WHOLE)} are {'; '.join(parts)}{SUSPECT if busy else ''}.",
-        numbers, True,
-    )  # fmt: skip
+        f"{words.percent(WHOLE)} are {'; '.join(parts)}{SUSPECT if busy else ''}."
+    )
+    return Claim(text, needed(numbers), True)
 
 
+@CLAIMS.add("tetrahedra-decided", "Whether another solver is worth it for stiff bars was not measured.")
 def decided(results: Results) -> Claim:
     """Time of the best solver over that of the cheapest position-based setting, at the stiffest bars.
 
     Both within WITHIN of the mesh's exact rest state and motion; the target is a tenth.
     """
-    parts: list[str] = []
-    numbers: dict[str, float] = {}
-    busy = False
+    parts, numbers, busy = list[str](), dict[str, float](), False
     for backend, source, measured in on_backends(results, _all):
         stiff = [one for one in decisions(measured) if one.young == STIFF and one.best is not None]
         largest = max((one.elements for one in stiff), key=lambda n: (_shared(stiff, n), n), default=0)
@@ -178,17 +172,14 @@ def decided(results: Results) -> Claim:
                 texts.append(f"{one.where} {words.percent(one.time_ratio)} of its time ({_solver(one.best)})")
         if texts:
             parts.append(f"on {where(backend, source)}, {words.count(largest)} tetrahedra, {words.listed(texts)}")
-    if not parts:
-        stiffest = max((b.young for _, _, measured in on_backends(results, _all) for b in measured), default=0.0)
-        if stiffest == STIFF:
-            return Claim(f"At {_pascal(STIFF)} nothing that was measured comes within {words.percent(WITHIN)}.")
-        return Claim("Whether another solver is worth it for stiff bars was not measured.")
-    suspect = SUSPECT if busy else ""
-    return Claim(
+    stiffest = max((b.young for _, _, measured in on_backends(results, _all) for b in measured), default=0.0)
+    near = f"At {_pascal(STIFF)} nothing that was measured comes within {words.percent(WITHIN)}."
+    needed(parts, near if stiffest == STIFF else "")
+    text = (
         f"At {_pascal(STIFF)} the fastest solver within {words.percent(WITHIN)} of the mesh's own answer takes, beside the "
-        f"cheapest position-based setting that gets so near: {'; '.join(parts)}{suspect}.",
-        numbers, True,
-    )  # fmt: skip
+        f"cheapest position-based setting that gets so near: {'; '.join(parts)}{SUSPECT if busy else ''}."
+    )
+    return Claim(text, numbers, True)
 
 
 def _shared(stiff: list[Decision], elements: int) -> bool:
@@ -200,29 +191,27 @@ def _all(source: Source, backend: str) -> list[Bar]:
     return [b for b in bars(source.measures) if b.backend == backend]
 
 
+@CLAIMS.add("tetrahedra-creeping", "Vertex block descent was not measured in motion.")
 def creeping(results: Results) -> Claim:
     """Motion of vertex block descent, whose error does not show at rest, since a step begins where the last one ended."""
-    for _, _, rows in on_backends(results, _bars_of)[:1]:
-        by_young = {b.young: b for b in rows if b.solver == "vbd" and (b.substeps, b.iterations) == DESCENT}
-        if by_young:
-            texts = [f"{words.percent(1 + b.motion_error)} at {_pascal(young)}" for young, b in by_young.items()]
-            return Claim(
-                f"Vertex block descent with {DESCENT[1]} sweeps a frame, with {_count(rows)}, comes to rest in the right "
-                "place, because each step begins where the last one ended. Half a vibration after release, however, it has "
-                f"moved only {words.listed(texts)} of the way.",
-                {f"{young:g}": b.motion_error for young, b in by_young.items()}, True,
-            )  # fmt: skip
-    return Claim("Vertex block descent was not measured in motion.")
+    rows = _settled(results, "vbd", DESCENT)
+    by_young = {b.young: b for b in rows}
+    texts = [f"{words.percent(1 + b.motion_error)} at {_pascal(young)}" for young, b in by_young.items()]
+    text = (
+        f"Vertex block descent with {DESCENT[1]} sweeps a frame, with {_count(rows)}, comes to rest in the right "
+        "place, because each step begins where the last one ended. Half a vibration after release, however, it has "
+        f"moved only {words.listed(texts)} of the way."
+    )
+    return Claim(text, {f"{young:g}": b.motion_error for young, b in by_young.items()}, True)
 
 
+@CLAIMS.add("tetrahedra-cuts", "Five and six tetrahedra to a voxel were not compared.")
 def cuts(results: Results) -> Claim:
     """Five compared with six tetrahedra per voxel."""
     measured, _ = judgements(results, lambda measure: measure.description.get("finding") == MESH)
     parts = {(m.cut, m.poisson, m.across): m for m in meshes(measured)}
     across = max((n for _, _, n in parts), default=0)
-    ratios = sorted({ratio for cut, ratio, n in parts if n == across and (11 - cut, ratio, n) in parts})
-    if not ratios:
-        return Claim("Five and six tetrahedra to a voxel were not compared.")
+    ratios = sorted(needed({ratio for cut, ratio, n in parts if n == across and (11 - cut, ratio, n) in parts}))
     pairs = [(ratio, parts[5, ratio, across].part, parts[6, ratio, across].part) for ratio in ratios]
     texts = [f"{words.percent(five)} and {words.percent(six)} at {ratio:g}" for ratio, five, six in pairs]
     numbers = {f"{cut} {ratio:g}": part for ratio, *both in pairs for cut, part in zip((5, 6), both, strict=True)}
@@ -232,14 +221,3 @@ def cuts(results: Results) -> Claim:
         "incompressible.",
         numbers, all(five > six for _, five, six in pairs),
     )  # fmt: skip
-
-
-CLAIMS: Claims = {
-    "tetrahedra-usual": usual,
-    "tetrahedra-mesh": mesh,
-    "tetrahedra-budget": budget,
-    "tetrahedra-total": total,
-    "tetrahedra-decided": decided,
-    "tetrahedra-creeping": creeping,
-    "tetrahedra-cuts": cuts,
-}

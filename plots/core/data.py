@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from softlab.bench.peers.results import Ratio
 from softlab.bench.store import marks
@@ -19,12 +19,24 @@ from softlab.bench.store.results import Machine, Measure, Timing
 from softlab.bench.store.versions import Version
 
 Origin = Store | str | Path
+Selection = TypeVar("Selection")
 THREAD_WORDS = ("1x", "2x", "4x")
 NO_GPU = "no GPU"  # in a machine's label
 FULL = (
     # of the largest set of an experiment's configurations: a set of this size counts as complete, whatever the version
     0.9
 )
+
+
+class NotMeasured(Exception):
+    """A figure or a sentence lacks what it needs; the text says what, unless it is empty."""
+
+
+def needed(value: Selection | None, reason: str = "") -> Selection:
+    """Return the value. Raises NotMeasured with the reason if it is None, False or empty; a number may be 0.0."""
+    if not value and not isinstance(value, float):
+        raise NotMeasured(reason)
+    return value
 
 
 @dataclass(frozen=True)
@@ -198,6 +210,10 @@ class Results:
     def first(self, holds: Callable[[Source], object]) -> Source | None:
         """Return the first source that `holds` something."""
         return next((source for source in self.everyone if holds(source)), None)
+
+    def first_with(self, select: Callable[[Source], Selection]) -> tuple[Source, Selection] | None:
+        """Return the first source for which `select` is not empty, and what it selects."""
+        return next(((source, selected) for source in self.everyone if (selected := select(source))), None)
 
     def with_gpu(self) -> Source | None:
         """Return the first source that timed a GPU."""

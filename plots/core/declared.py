@@ -37,4 +37,4 @@ def draw(experiment: Experiment, results: Results) -> Drawing | str:
         ax.set_title(name_of(backend, source), fontsize=8)
     axes[0].set_ylabel(lines.y_label)
     legend_below(figure, axes, columns=2)
-    return Drawing(figure, lines.title, lines.caption, sources_of(chosen))
+    return Drawing(figure, lines.caption, sources_of(chosen), lines.title)

@@ -10,7 +10,7 @@ from softlab.bench.measure.cases import LADDER
 from softlab.bench.store.results import Timing
 from softlab.plots.core.backends import name_of, on_backends
 from softlab.plots.core.colours import BLACK, BLUE, BROWN, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION, VIOLET
-from softlab.plots.core.data import Results, Source, is_wrong
+from softlab.plots.core.data import Results, Source, is_wrong, needed
 from softlab.plots.core.style import Curve, new_figure
 
 RUNGS = {
@@ -45,10 +45,8 @@ def machine_of(results: Results, backend: str, holds: Callable[[Source], bool] =
 def backend_panels(
     results: Results, holds: Callable[[Source, str], bool] = lambda *_: True, sharey: bool = True
 ) -> tuple[Any, list[tuple[Any, str, Source]]]:
-    """Return a figure with a panel for each backend whose kernels were timed; (None, []) if there is none."""
-    chosen = on_backends(results, lambda source, backend: source.ladder(backend) and holds(source, backend))
-    if not chosen:
-        return None, []
+    """Return a figure with a panel for each backend whose kernels were timed. Raises NotMeasured if there is none."""
+    chosen = needed(on_backends(results, lambda source, backend: source.ladder(backend) and holds(source, backend)))
     figure, axes = new_figure(len(chosen), 2.8, sharey)
     panels = [(ax, backend, source) for ax, (backend, source, _) in zip(axes, chosen, strict=True)]
     for ax, backend, source in panels:

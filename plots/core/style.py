@@ -9,7 +9,8 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import wraps
 from textwrap import wrap
 from typing import Any
 
@@ -17,7 +18,7 @@ import numpy as np
 
 from softlab.bench.store.results import Timing
 from softlab.plots.core.colours import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILLION
-from softlab.plots.core.data import Results, Source, is_suspect, is_wrong, sound
+from softlab.plots.core.data import NotMeasured, Results, Source, is_suspect, is_wrong, needed, sound
 
 WIDTH = 6.3  # inch: text width on A4
 HEIGHT = 2.5  # inch
@@ -72,12 +73,12 @@ GPU_PLAIN = Curve("GPU, one thread per mass", PURPLE, "^")
 
 @dataclass(frozen=True)
 class Drawing:
-    """A finished figure: `figure` (matplotlib), `title`, `text` (its description), and the `sources` of its data."""
+    """A finished figure: `figure` (matplotlib), `text` (its description), the `sources` of its data, and its `title`."""
 
     figure: Any
-    title: str
     text: str
     sources: tuple[Source, ...] = ()
+    title: str = ""
 
     @property
     def caption(self) -> str:
@@ -111,6 +112,32 @@ class Drawing:
     def footer_height(self) -> float:
         """Height in points of the provenance above the figure."""
         return FOOTER_LINE * (len(self.footer) + 0.5) if self.sources else 0.0
+
+
+Draw = Callable[[Results], Drawing | str]
+DRAWN: dict[
+    str, tuple[str, Draw]
+] = {}  # name of a figure -> its title, and what returns it or the reason why there is none
+
+
+def as_figure(name: str, title: str, missing: str = "") -> Callable[[Callable[[Results], Drawing]], Draw]:
+    """Enter a function as the figure `name`.
+
+    `missing`: the reason if something was not measured (`needed`), unless that gives one of its own.
+    """
+
+    def enter(draw: Callable[[Results], Drawing]) -> Draw:
+        @wraps(draw)
+        def drawn(results: Results) -> Drawing | str:
+            try:
+                return replace(draw(results), title=title)
+            except NotMeasured as reason:
+                return str(reason) or missing
+
+        DRAWN[name] = title, drawn
+        return drawn
+
+    return enter
 
 
 @contextmanager
@@ -149,11 +176,11 @@ def new_sheet(height: float) -> Any:
     return figure
 
 
-def panels(results: Results, holds: Callable[[Source], bool]) -> tuple[Any, list[tuple[Any, Source]]]:
-    """Return a figure with a panel for each featured source that `holds` the data; (None, []) if none does."""
-    chosen = [source for source in results.featured if holds(source)][:MAX_PANELS]
-    if not chosen:
-        return None, []
+def panels(
+    results: Results, holds: Callable[[Source], bool], missing: str = ""
+) -> tuple[Any, list[tuple[Any, Source]]]:
+    """Return a figure with a panel for each featured source that `holds` the data. Raises NotMeasured if none does."""
+    chosen = needed([source for source in results.featured if holds(source)][:MAX_PANELS], missing)
     figure, axes = new_figure(len(chosen))
     for ax, source in zip(axes, chosen, strict=True):
         if len(chosen) > 1:

@@ -6,10 +6,9 @@ from typing import Any
 
 from softlab.bench.experiments.advise.ablation_results import GAINS, NEEDED, NOT_NEEDED, Ablated, AblationRow, tables_of
 from softlab.plots.core.colours import BLUE, GREEN, GREY, SKY, VERMILLION
-from softlab.plots.core.data import Results, Source
-from softlab.plots.core.style import Drawing, new_sheet
+from softlab.plots.core.data import Results, Source, needed
+from softlab.plots.core.style import Drawing, as_figure, new_sheet
 
-TITLE = "What the scenes need"
 MOST = 4  # panels: the scenes and backends that were measured last
 LINE = 0.2  # inch per row
 LEAST = 1e-16  # spacings: lower end of the axis; smaller changes are drawn there
@@ -29,12 +28,11 @@ def quotable_tables(results: Results) -> tuple[Source | None, list[Ablated]]:
     return None, []
 
 
-def draw(results: Results) -> Drawing | str:
+@as_figure("ablation", "What the scenes need", "no scene was taken apart (softlab ablate)")
+def draw(results: Results) -> Drawing:
     """Return the figure, or the reason why there is none."""
     source, tables = quotable_tables(results)
-    if source is None:
-        return "no scene was taken apart (softlab ablate)"
-    lines = [len(table.rows) + 2 for table in tables]
+    lines = [len(table.rows) + 2 for table in needed(tables)]
     figure = new_sheet(LINE * sum(lines) + 0.9)
     axes = figure.subplots(len(tables), 1, sharex=True, squeeze=False, gridspec_kw={"height_ratios": lines})[:, 0]
     low = min(max(LEAST, row.change) for table in tables for row in table.rows) / 3
@@ -52,7 +50,7 @@ def draw(results: Results) -> Drawing | str:
         "many times as fast the run becomes, timed side by side with the full scene; diverged runs stand at the edge."
         f"{clipped}"
     )
-    return Drawing(figure, TITLE, caption, (source,))
+    return Drawing(figure, caption, (needed(source),))
 
 
 def _panel(ax: Any, table: Ablated, low: float, high: float) -> None:

@@ -17,11 +17,9 @@ from softlab.bench.experiments.bar import (
 from softlab.bench.experiments.bar_rows import JELLY, Bar, first_backend, is_bar, rows, series
 from softlab.bench.experiments.bar_strip import ACROSS, FREQUENCY, SAG
 from softlab.plots.core.colours import BLUE, GREEN, GREY, METHODS, ORANGE, PURPLE, SKY, VERMILLION
-from softlab.plots.core.data import Results, Source, judgements
-from softlab.plots.core.style import LONG_LABEL, Drawing, legend_below, new_figure, new_sheet, plain_ticks
+from softlab.plots.core.data import Results, Source, judgements, needed
+from softlab.plots.core.style import LONG_LABEL, Drawing, as_figure, legend_below, new_figure, new_sheet, plain_ticks
 
-TITLE = "Every method, one bar"
-CLUSTERS_TITLE = "A bar and the size of its clusters"
 MISSING = "the bar was not measured (softlab bar)"
 CURVES = {  # solver -> label, colour, marker, line
     "mass-spring": ("mass-spring", METHODS["velocity-verlet"], "o", "-"),
@@ -55,14 +53,14 @@ def bars(results: Results) -> tuple[list[Bar], tuple[Source, ...]]:
     return rows(selected), sources
 
 
-def draw(results: Results) -> Drawing | str:
+@as_figure("bar-solvers", "Every method, one bar", MISSING)
+def draw(results: Results) -> Drawing:
     """Return the figure, or the reason why there is none.
 
     Sag above, frequency below; against the spacing on the left, against the substeps on the right.
     """
     measured, sources = bars(results)
-    if not any(bar.solver in SOLVERS for bar in measured):
-        return MISSING
+    needed(any(bar.solver in SOLVERS for bar in measured))
     measured = first_backend(measured)
     figure = new_sheet(3.9)
     axes = figure.subplots(2, 2, sharex="col")
@@ -94,14 +92,14 @@ def draw(results: Results) -> Drawing | str:
         "substeps; mass-spring, whose steps are the substeps, is refused where there is no mark. Over "
         "the closed form of a rod of the material (grey); float64, exact math."
     )
-    return Drawing(figure, TITLE, caption, sources)
+    return Drawing(figure, caption, sources)
 
 
-def draw_clusters(results: Results) -> Drawing | str:
+@as_figure("bar-clusters", "A bar and the size of its clusters", MISSING)
+def draw_clusters(results: Results) -> Drawing:
     """Return the figure of windows of the strip and overlap of the jelly bar, or the reason why there is none."""
     measured, sources = bars(results)
-    if not any(bar.solver in ("shape-matching", JELLY) for bar in measured):
-        return MISSING
+    needed(any(bar.solver in ("shape-matching", JELLY) for bar in measured))
     measured = first_backend(measured)
     figure, (left, right) = new_figure(2, 3.4, sharey=False)
     for region, (colour, marker) in REGIONS.items():
@@ -132,7 +130,7 @@ def draw_clusters(results: Results) -> Drawing | str:
         "strip's ends cut off are softer. Right: the jelly bar, "
         "its clusters' stiffness chosen so that the material is one; clusters that hardly overlap do not make it one."
     )
-    return Drawing(figure, CLUSTERS_TITLE, caption, sources)
+    return Drawing(figure, caption, sources)
 
 
 def _fine(bar: Bar) -> float:

@@ -5,11 +5,10 @@ from __future__ import annotations
 from softlab.bench.experiments.bar_costs import CLOSE, Cost, costs
 from softlab.plots.core.backends import name_of, on_backends, sources_of
 from softlab.plots.core.colours import BLACK, GREY
-from softlab.plots.core.data import Results, Source
-from softlab.plots.core.style import Drawing, legend_below, new_figure, plain_ticks
+from softlab.plots.core.data import Results, Source, needed
+from softlab.plots.core.style import Drawing, as_figure, legend_below, new_figure, plain_ticks
 from softlab.plots.figures.bar import CURVES, MISSING
 
-TITLE = "One bar: error against time"
 PARTS = {"sag off a rod's": lambda cost: cost.sag, "first frequency off a rod's": lambda cost: cost.frequency}
 LINES = {"cpu": "--", "gpu": "-"}
 LEAST = 1e-4  # lower end of the axis; smaller errors are drawn there
@@ -25,14 +24,13 @@ def judged(source: Source, backend: str) -> list[Cost]:
     return [cost for cost in on(source, backend) if None not in (cost.sag, cost.frequency)]
 
 
-def draw(results: Results) -> Drawing | str:
+@as_figure("bar-costs", "One bar: error against time", MISSING)
+def draw(results: Results) -> Drawing:
     """Return the figure, or the reason why there is none.
 
     A panel for each of PARTS, a line per method over its substeps, dashed on the CPU.
     """
-    chosen = on_backends(results, judged)
-    if not chosen:
-        return MISSING
+    chosen = needed(on_backends(results, judged))
     figure, axes = new_figure(len(PARTS), 2.4, sharey=False)
     for ax, (name, part) in zip(axes, PARTS.items(), strict=True):
         for backend, _, methods in chosen:
@@ -70,4 +68,4 @@ def draw(results: Results) -> Drawing | str:
         f"The bar by each method, {counts} substeps of a frame of 1/60 s along each line: how far it is off the "
         f"closed form of a rod of its material. Black: {CLOSE:.0%}. float64, exact math.{clipped}"
     )
-    return Drawing(figure, TITLE, caption, sources_of(chosen))
+    return Drawing(figure, caption, sources_of(chosen))

@@ -12,11 +12,11 @@ from softlab.bench.store.method_name import name_of
 from softlab.bench.store.results import Measure, by_configuration
 from softlab.bench.store.schema import tables_by_kind
 from softlab.plots.core.colours import GREY
-from softlab.plots.core.data import Results, Source
-from softlab.plots.core.style import Drawing, legend_below, new_figure
+from softlab.plots.core.data import Results, Source, needed
+from softlab.plots.core.style import Drawing, as_figure, legend_below, new_figure
 from softlab.plots.figures.work_precision import XPBD as CURVES
 
-TITLE = "Convergence of the orderings"
+MISSING = "the orderings of position-based solvers were not timed with several numbers of iterations"
 LINES = ("-", "--", "-.", ":")  # line styles of the sizes, small ones first
 
 
@@ -76,11 +76,10 @@ def _entry(numbers: dict[str, Measure]) -> Converging | None:
     )
 
 
-def draw(results: Results) -> Drawing | str:
+@as_figure("convergence", "Convergence of the orderings", MISSING)
+def draw(results: Results) -> Drawing:
     """Return the figure, by iterations and by time on each backend, or the reason why there is none."""
-    source = results.first(lambda s: lines(s, "gpu")) or results.first(lines)
-    if source is None:
-        return "the orderings of position-based solvers were not timed with several numbers of iterations"
+    source = needed(results.first(lambda s: lines(s, "gpu")) or results.first(lines))
     backends = [name for name in ("cpu", "gpu") if lines(source, name)]
     figure, axes = new_figure(1 + len(backends), 3.8)
     _panel(axes[0], converging(source, backends[0]), lambda entry: entry.iterations)
@@ -100,7 +99,7 @@ def draw(results: Results) -> Drawing | str:
         f"structural and shear springs do not give (root mean square); Gauss-Seidel in {colours()} colours. Averaged Jacobi "
         "is right here, where the compliance is 0; with compliance it converges to another stiffness."
     )
-    return Drawing(figure, TITLE, caption, (source,))
+    return Drawing(figure, caption, (source,))
 
 
 def _shown(sides: list[int]) -> list[int]:

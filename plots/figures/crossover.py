@@ -9,10 +9,10 @@ from itertools import pairwise
 from softlab.bench.store.results import Timing
 from softlab.plots.core.apart import apart
 from softlab.plots.core.colours import BLACK, GREEN, GREY, PURPLE
-from softlab.plots.core.data import Results, Source, is_suspect, is_wrong, sound
-from softlab.plots.core.style import Drawing, log_axes, new_figure, plain_ticks
+from softlab.plots.core.data import Results, Source, is_suspect, is_wrong, needed, sound
+from softlab.plots.core.style import Drawing, as_figure, log_axes, new_figure, plain_ticks
 
-TITLE = "Where the GPU overtakes"
+MISSING = "no machine in the data has timed both a GPU and a CPU at one size with one version of the code"
 
 
 @dataclass(frozen=True)
@@ -68,11 +68,10 @@ def crossing(compared: list[Pair]) -> float | None:
     return result
 
 
-def draw(results: Results) -> Drawing | str:
+@as_figure("crossover", "Where the GPU overtakes", MISSING)
+def draw(results: Results) -> Drawing:
     """Return the figure, or the reason why there is none."""
-    source = results.first(pairs)
-    if source is None:
-        return "no machine in the data has timed both a GPU and a CPU at one size with one version of the code"
+    source = needed(results.first(pairs))
     figure, (ax,) = new_figure(1, 2.1)
     for precision, colour, marker in (("float32", GREEN, "D"), ("float64", PURPLE, "P")):
         compared = pairs(source, precision)
@@ -106,4 +105,4 @@ def draw(results: Results) -> Drawing | str:
         "Time of a step with the fastest of the CPU's thread counts over the GPU's, square grids without graphics; "
         "above 1 the GPU is faster."
     )
-    return Drawing(figure, TITLE, caption, (source,))
+    return Drawing(figure, caption, (source,))

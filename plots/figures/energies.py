@@ -94,7 +94,7 @@ def energy_drawing(record: EnergyRecord) -> Drawing:
         f"Energies over time of {record.scene.title}: {grid.rows} x {grid.columns} masses, {method.integrator}, "
         f"dt {method.dt:g} s, {len(record.time)} frames."
     )
-    return Drawing(figure, "Energies over time", caption)
+    return Drawing(figure, caption, title="Energies over time")
 
 
 def draw_energies(trajectory: str | Path | EnergyRecord, out: str | Path) -> Path:

@@ -11,6 +11,7 @@ from softlab.plots.core.style import (
     THREADS,
     Curve,
     Drawing,
+    as_figure,
     draw_times,
     legend_below,
     log_axes,
@@ -18,14 +19,11 @@ from softlab.plots.core.style import (
     time_ticks,
 )
 
-TITLE = "With against without graphics"
 
-
-def draw(results: Results) -> Drawing | str:
+@as_figure("graphics", "With against without graphics", "nothing was timed with graphics")
+def draw(results: Results) -> Drawing:
     """Return the figure, or the reason why there is none."""
-    figure, chosen = panels(results, lambda source: any(t.graphics for t in source.timings))
-    if figure is None:
-        return skipped_reason(results) or "nothing was timed with graphics"
+    figure, chosen = panels(results, lambda source: any(t.graphics for t in source.timings), skipped_reason(results))
     times: list[Timing] = []
     for ax, source in chosen:
         for backend, word, style in (("cpu", "1x", THREADS["1x"]), ("gpu", None, GPU)):
@@ -44,16 +42,16 @@ def draw(results: Results) -> Drawing | str:
         f"Time of one step alone, and with every {DRAW_EVERY} steps drawn off-screen (each spring a line), float32, "
         f"square grids."
     )
-    return Drawing(figure, TITLE, caption, tuple(sources))
+    return Drawing(figure, caption, tuple(sources))
 
 
-def skipped_reason(results: Results) -> str | None:
-    """Return why the featured machines have no timings with graphics, if the sweep recorded it."""
+def skipped_reason(results: Results) -> str:
+    """Return why the featured machines have no timings with graphics, empty if the sweep did not record it."""
     for source in results.featured:
         for measure in source.measures:
             if measure.name == "skipped" and measure.description.get("graphics"):
-                return measure.reason
-    return None
+                return measure.reason or ""
+    return ""
 
 
 def drawing_costs(source: Source, backend: str, word: str | None) -> list[tuple[Timing, Timing]]:

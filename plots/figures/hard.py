@@ -11,11 +11,9 @@ from softlab.app.render.camera3d import Camera3D
 from softlab.bench.stress.report import table_of
 from softlab.bench.stress.results import BODIES, IN_FULL, OF_FLUIDS, OF_TETRAHEDRA, HardRow, rows_of
 from softlab.plots.core.colours import BLUE, GREEN, GREY, ORANGE, SKY, VERMILLION
-from softlab.plots.core.data import Results, Source, judgements
-from softlab.plots.core.style import Drawing, legend_below, new_sheet
+from softlab.plots.core.data import Results, Source, judgements, needed
+from softlab.plots.core.style import Drawing, as_figure, legend_below, new_sheet
 
-STATES_TITLE = "What the hard cases end in"
-VERDICTS_TITLE = "Verdicts of the hard cases"
 ACROSS = 6  # panels per row of the contact sheet
 PANEL = 1.2  # inch: height of a panel
 LINE = 0.112  # inch: height of a row of the verdict table
@@ -34,12 +32,14 @@ def hard_rows(results: Results) -> tuple[list[HardRow], tuple[Source, ...]]:
     return rows_of(selected), sources
 
 
-def draw_states(results: Results) -> Drawing | str:
+NOT_RUN = "the hard cases were not run"
+
+
+@as_figure("hard-states", "What the hard cases end in", NOT_RUN)
+def draw_states(results: Results) -> Drawing:
     """Return the contact sheet, or the reason why there is none."""
     rows, sources = hard_rows(results)
-    shown = _shown(rows)
-    if not shown:
-        return "the hard cases were not run"
+    shown = needed(_shown(rows))
     lines = -(-len(shown) // ACROSS)
     figure = new_sheet(PANEL * lines)
     axes = figure.subplots(lines, ACROSS, squeeze=False).ravel()
@@ -54,15 +54,14 @@ def draw_states(results: Results) -> Drawing | str:
         "are the case, and one for each reason to fail; large grids are thinned, each panel to its own scale, the first row "
         f"of masses orange; cloths from the right and above. {words}."
     )
-    return Drawing(figure, STATES_TITLE, caption, sources)
+    return Drawing(figure, caption, sources)
 
 
-def draw_verdicts(results: Results) -> Drawing | str:
+@as_figure("hard-verdicts", "Verdicts of the hard cases", NOT_RUN)
+def draw_verdicts(results: Results) -> Drawing:
     """Return the verdict table, a row per case and a column per method, or the reason why there is none."""
     rows, sources = hard_rows(results)
-    if not rows:
-        return "the hard cases were not run"
-    names, lines = table_of(rows)
+    names, lines = table_of(needed(rows))
     figure = new_sheet(max(PANEL, LINE * (len(lines) + 3)))
     ax = figure.subplots()
     ax.set_axis_off()
@@ -86,7 +85,7 @@ def draw_verdicts(results: Results) -> Drawing | str:
         "was done. Fails: implied by the method, with what it costs in the text; f32: in float32 alone. A failure in "
         "capitals is a bug of this lab."
     )
-    return Drawing(figure, VERDICTS_TITLE, caption, sources)
+    return Drawing(figure, caption, sources)
 
 
 def _shown(rows: Sequence[HardRow]) -> list[HardRow]:

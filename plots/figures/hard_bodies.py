@@ -6,12 +6,10 @@ import numpy as np
 
 from softlab.bench.stress.results import BODIES, HardRow, StoredCheck, rows_of
 from softlab.plots.core.colours import BLACK, BLUE, ORANGE, SKY, VERMILLION
-from softlab.plots.core.data import Results, Source, judgements
-from softlab.plots.core.style import Drawing, legend_below, new_sheet
+from softlab.plots.core.data import Results, Source, judgements, needed
+from softlab.plots.core.style import Drawing, as_figure, legend_below, new_sheet
 from softlab.plots.figures.hard import PANEL
 
-TITLE = "Bodies against their bounds"
-MISSING = "the hard cases of bodies were not run"
 STYLES = {  # backend, precision -> colour, marker
     ("cpu", "float64"): (BLUE, "o"), ("cpu", "float32"): (ORANGE, "s"),
     ("gpu", "float64"): (SKY, "D"), ("gpu", "float32"): (VERMILLION, "^"),
@@ -45,14 +43,13 @@ def worst(row: HardRow) -> float | None:
     return max((part for check in row.checks if (part := bound_ratio(check)) is not None), default=None)
 
 
-def draw(results: Results) -> Drawing | str:
+@as_figure("hard-bodies", "Bodies against their bounds", "the hard cases of bodies were not run")
+def draw(results: Results) -> Drawing:
     """Return the figure, or the reason why there is none; a row per case: the run's number nearest to its bound, over
     that.
     """
     rows, sources = body_rows(results)
-    judged = [(row, part) for row in rows if (part := worst(row)) is not None]
-    if not judged:
-        return MISSING
+    judged = needed([(row, part) for row in rows if (part := worst(row)) is not None])
     names = list(dict.fromkeys(row.case for row, _ in judged))
     titles = {row.case: row.in_full for row, _ in judged}
     figure = new_sheet(max(PANEL, ROW * (len(names) + 6)))
@@ -78,4 +75,4 @@ def draw(results: Results) -> Drawing | str:
         "Of each run, the judged number that comes nearest to its bound, over that; of one that must be more, the bound over "
         "it. Right of the line is a failure. Under 1e-4, or 0: at the left edge; over 10: at the right one."
     )
-    return Drawing(figure, TITLE, caption, sources)
+    return Drawing(figure, caption, sources)

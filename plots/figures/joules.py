@@ -6,9 +6,8 @@ from softlab.bench.store.results import Timing
 from softlab.plots.core.backends import sources_of
 from softlab.plots.core.data import Results, Source
 from softlab.plots.core.ladder import backend_panels, in_order, rung
-from softlab.plots.core.style import Drawing, legend_below, log_axes, plain_ticks
+from softlab.plots.core.style import Drawing, as_figure, legend_below, log_axes, plain_ticks
 
-TITLE = "Energy of every kernel"
 MILLION = 1e6
 
 
@@ -34,13 +33,15 @@ def counted_joules(source: Source, backend: str) -> list[tuple[Timing, float]]:
     return [(t, j) for t in every if (j := joules(source, t)) is not None]
 
 
-def draw(results: Results) -> Drawing | str:
+NOT_COUNTED = (
+    "no joules were counted: the machine has no energy counter that may be read, or the kernels were not timed"
+)
+
+
+@as_figure("joules", "Energy of every kernel", NOT_COUNTED)
+def draw(results: Results) -> Drawing:
     """Return the figure, or the reason why there is none."""
     figure, chosen = backend_panels(results, lambda source, backend: bool(counted_joules(source, backend)))
-    if figure is None:
-        return (
-            "no joules were counted: the machine has no energy counter that may be read, or the kernels were not timed"
-        )
     for ax, backend, source in chosen:
         for kernel, timings in in_order(source.ladder(backend)):
             points = [(t.particles, j) for t in timings if (j := joules(source, t)) is not None]
@@ -56,4 +57,4 @@ def draw(results: Results) -> Drawing | str:
         "Energy of a million mass-steps with each kernel, float32, over about a second of stepping, by the device's own "
         "counter. It includes the idle power, so that a slow kernel pays for the time it takes."
     )
-    return Drawing(figure, TITLE, caption, sources_of(chosen))
+    return Drawing(figure, caption, sources_of(chosen))

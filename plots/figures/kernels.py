@@ -8,16 +8,13 @@ from softlab.plots.core.bandwidth import copy_bandwidth, disturbed
 from softlab.plots.core.colours import BLACK
 from softlab.plots.core.data import Results
 from softlab.plots.core.ladder import backend_panels, in_order, mark_switches, rung, threading_words
-from softlab.plots.core.style import Drawing, draw_times, legend_below, log_axes, time_ticks
-
-TITLE = "Every kernel"
+from softlab.plots.core.style import Drawing, as_figure, draw_times, legend_below, log_axes, time_ticks
 
 
-def draw(results: Results) -> Drawing | str:
+@as_figure("kernels", "Every kernel", "the kernels were not timed one by one (softlab sweep --kernels)")
+def draw(results: Results) -> Drawing:
     """Return the figure, or the reason why there is none."""
     figure, chosen = backend_panels(results, sharey=False)
-    if figure is None:
-        return "the kernels were not timed one by one (softlab sweep --kernels)"
     times: list[Timing] = []
     switches = False
     for ax, backend, source in chosen:
@@ -46,4 +43,4 @@ def draw(results: Results) -> Drawing | str:
         f"greatest repeat. Dashed: what one step per pass over memory takes at the measured copy bandwidth{doubt}; kernels "
         f"that do several steps per pass, or stay on the chip, go below it. {marks}{threading_words(chosen)}"
     )
-    return Drawing(figure, TITLE, caption, sources_of(chosen))
+    return Drawing(figure, caption, sources_of(chosen))

@@ -9,22 +9,19 @@ from typing import Any
 
 from softlab.plots.core.accuracy_points import Point, order_points, points
 from softlab.plots.core.colours import GREY, VERMILLION
-from softlab.plots.core.data import Results
-from softlab.plots.core.style import HEIGHT, LONG_LABEL, Drawing, legend_below, log_axes, new_grid
+from softlab.plots.core.data import Results, needed
+from softlab.plots.core.style import HEIGHT, LONG_LABEL, Drawing, as_figure, legend_below, log_axes, new_grid
 from softlab.plots.figures.work_precision import INTEGRATORS, SCENES, accurate_source
 
 ACROSS = 2  # panels per row
-TITLE = "What the hand-out's step converges to"
 
 
-def draw(results: Results) -> Drawing | str:
+@as_figure("lab-step", "What the hand-out's step converges to", "no accuracy runs were measured")
+def draw(results: Results) -> Drawing:
     """Return the figure, one panel per scene, or the reason why there is none."""
-    source = accurate_source(results)
-    if source is None:
-        return "no accuracy runs were measured"
+    source = needed(accurate_source(results))
     here = [scene for scene in SCENES if order_points(points(source, scene), "lab")]
-    if not here:
-        return "the hand-out's step was not among the accuracy runs in float64"
+    needed(here, "the hand-out's step was not among the accuracy runs in float64")
     figure, rows = new_grid(-(-len(here) // ACROSS), min(ACROSS, len(here)), HEIGHT if len(here) <= ACROSS else 3.9)
     axes = [ax for row in rows for ax in row]
     for ax in axes[len(here) :]:
@@ -41,7 +38,7 @@ def draw(results: Results) -> Drawing | str:
         "hand-out's step (lab) also against those of the equation with half the acceleration. Thin lines: slopes of order "
         "1, 2 and 4. Hollow: not resolved by the reference data."
     )
-    return Drawing(figure, TITLE, caption, (source,))
+    return Drawing(figure, caption, (source,))
 
 
 def _draw_panel(ax: Any, runs: list[Point]) -> None:

@@ -13,11 +13,18 @@ from softlab.bench.peers.registry import PEERS, label
 from softlab.bench.peers.results import Ratio
 from softlab.plots.core.backends import name_of, on_backends
 from softlab.plots.core.colours import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION
-from softlab.plots.core.data import Results, Source
-from softlab.plots.core.style import Curve, Drawing, draw_band, legend_below, log_axes, new_figure, plain_ticks
+from softlab.plots.core.data import Results, Source, needed
+from softlab.plots.core.style import (
+    Curve,
+    Drawing,
+    as_figure,
+    draw_band,
+    legend_below,
+    log_axes,
+    new_figure,
+    plain_ticks,
+)
 
-TITLE = "Side by side with what could be used instead"
-SHEETS_TITLE = "Cloth side by side with what could be used instead"
 PRECISION = "float32"
 STYLES = (
     (BLUE, "o"), (ORANGE, "s"), (GREEN, "D"), (VERMILLION, "^"), (PURPLE, "v"), (SKY, "P"), (BLUE, "X"), (ORANGE, "*"),
@@ -36,29 +43,30 @@ def square_ratios(source: Source, backend: str, scene: str = "grid") -> list[Rat
     return [r for r in source.peers if (r.scene, r.backend, r.precision) == wanted and r.rows == r.columns]
 
 
-def draw(results: Results) -> Drawing | str:
+@as_figure("peers", "Side by side with what could be used instead")
+def draw(results: Results) -> Drawing:
     """Return the figure of the hand-out's grid, or the reason why there is none.
 
     A panel per backend, each of the first machine that has its data, own ones first.
     """
     chosen = on_backends(results, square_ratios)
     panels = [(_title(backend, source, compared), source, compared) for backend, source, compared in chosen]
-    return _draw(panels, TITLE, ("grid",), "square grids")
+    return _draw(panels, ("grid",), "square grids")
 
 
-def draw_sheets(results: Results) -> Drawing | str:
+@as_figure("peers-sheets", "Cloth side by side with what could be used instead")
+def draw_sheets(results: Results) -> Drawing:
     """Return the figure of cloth of springs and cloth by XPBD, like `draw`."""
     panels = [
         (f"{text}\n{name_of(backend, source)}", source, compared)
         for scene, text in SHEETS.items()
         for backend, source, compared in on_backends(results, partial(square_ratios, scene=scene))
     ]
-    return _draw(panels, SHEETS_TITLE, tuple(SHEETS), "square sheets")
+    return _draw(panels, tuple(SHEETS), "square sheets")
 
 
-def _draw(panels: Sequence[Panel], title: str, scenes: Sequence[str], squares: str) -> Drawing | str:
-    if not panels:
-        return "nothing was timed beside peers (softlab sweep --peers)"
+def _draw(panels: Sequence[Panel], scenes: Sequence[str], squares: str) -> Drawing:
+    needed(panels, "nothing was timed beside peers (softlab sweep --peers)")
     shown = [peer for peer in PEERS if set(scenes) & set(peer.scenes)]
     styles = dict(zip(dict.fromkeys(peer.label for peer in shown), cycle(STYLES), strict=False))  # one line per name
     curves = {peer.name: Curve(peer.label, *styles[peer.label]) for peer in shown}
@@ -80,7 +88,7 @@ def _draw(panels: Sequence[Panel], title: str, scenes: Sequence[str], squares: s
         "turn in one process: medians, and bands from the least to the greatest of paired repeats. Above 1 the lab is "
         "faster. Every state was first compared with the lab's own in float64."
     )
-    return Drawing(figure, title, caption, tuple(dict.fromkeys(source for _, source, _ in panels)))
+    return Drawing(figure, caption, tuple(dict.fromkeys(source for _, source, _ in panels)))
 
 
 def _title(backend: str, source: Source, compared: list[Ratio]) -> str:

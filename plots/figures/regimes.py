@@ -10,11 +10,11 @@ from softlab.bench.experiments.accuracy.equal_error import equal_error
 from softlab.bench.experiments.accuracy.points import SIZES
 from softlab.plots.core.accuracy_points import SIDE, Point, points
 from softlab.plots.core.colours import BLUE, GREEN, GREY
-from softlab.plots.core.data import Results, Source
-from softlab.plots.core.style import HEIGHT, Drawing, log_axes, new_figure, plain_ticks
+from softlab.plots.core.data import Results, Source, needed
+from softlab.plots.core.style import HEIGHT, Drawing, as_figure, log_axes, new_figure, plain_ticks
 from softlab.plots.figures.work_precision import INTEGRATORS
 
-TITLE = "Who reaches an error fastest"
+MISSING = "no machine in the data has timed a GPU and a CPU at equal error and several sizes"
 SCENE = "S1"  # the scene that is measured at several sizes
 SHORT = {"semi-implicit-euler": "semi-implicit", "velocity-verlet": "Verlet", "explicit-euler": "explicit"}
 PROCESSORS = {"cpu": ("CPU", BLUE), "gpu": ("GPU", GREEN)}
@@ -39,13 +39,12 @@ def targets(runs: Sequence[Point]) -> list[float]:
     return [10.0**-n for n in range(1, 1 + min(MOST, math.floor(-math.log10(least))))]
 
 
-def draw(results: Results) -> Drawing | str:
+@as_figure("regimes", "Who reaches an error fastest", MISSING)
+def draw(results: Results) -> Drawing:
     """Return the figure of the first machine that timed both processors at several sizes, or the reason why there is
     none.
     """
-    source = results.first(lambda s: len(sizes(s)) > 1)
-    if source is None:
-        return "no machine in the data has timed a GPU and a CPU at equal error and several sizes"
+    source = needed(results.first(lambda s: len(sizes(s)) > 1))
     figure, (left, right) = new_figure(2, HEIGHT, sharey=False)
     figure.axes[0].get_gridspec().set_width_ratios((5, 2))
     by_size = sizes(source)
@@ -57,7 +56,7 @@ def draw(results: Results) -> Drawing | str:
         f"{SCATTER:g}. Right: CPU time over GPU time, each by that method's fastest run with an error of at most 0.01 h; "
         "above 1 the GPU is faster. Without the copy of the end state. ?: the time is suspect."
     )
-    return Drawing(figure, TITLE, caption, (source,))
+    return Drawing(figure, caption, (source,))
 
 
 def _map(ax: Any, by_size: dict[int, list[Point]]) -> None:

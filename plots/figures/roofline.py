@@ -18,11 +18,9 @@ from softlab.model.scene.scene import Scene
 from softlab.plots.core.backends import sources_of
 from softlab.plots.core.bandwidth import copy_bandwidth, disturbed
 from softlab.plots.core.colours import BLACK, GREY
-from softlab.plots.core.data import Results, Source
+from softlab.plots.core.data import Results, Source, needed
 from softlab.plots.core.ladder import backend_panels, in_order, rung
-from softlab.plots.core.style import Drawing, draw_times, legend_below, log_axes, plain_ticks
-
-TITLE = "Roofline"
+from softlab.plots.core.style import Drawing, as_figure, draw_times, legend_below, log_axes, plain_ticks
 
 
 @dataclass(frozen=True)
@@ -75,16 +73,14 @@ def ceilings(source: Source, backend: str, precision: str = "float32") -> Ceilin
     return Ceilings(sample.bytes_per_step / sample.particles, operations, bandwidth, rates.get(precision))
 
 
-def draw(results: Results) -> Drawing | str:
+@as_figure("roofline", "Roofline", "the kernels were not timed one by one, or no copy bandwidth was measured")
+def draw(results: Results) -> Drawing:
     """Return the figure, or the reason why there is none."""
     figure, chosen = backend_panels(results, lambda source, backend: ceilings(source, backend) is not None)
-    if figure is None:
-        return "the kernels were not timed one by one, or no copy bandwidth was measured"
     times: list[Timing] = []
     words = []
     for ax, backend, source in chosen:
-        roofs = ceilings(source, backend)
-        assert roofs is not None
+        roofs = needed(ceilings(source, backend))
         for kernel, timings in in_order(source.ladder(backend)):
             draw_times(ax, timings, rung(kernel), _percent(roofs))
             times += timings
@@ -112,7 +108,7 @@ def draw(results: Results) -> Drawing | str:
         f"and step, each as half of a multiply-add: a bound that no kernel with quotients and roots can reach). "
         f"Measured limits: {', '.join(words)}."
     )
-    return Drawing(figure, TITLE, caption, sources_of(chosen))
+    return Drawing(figure, caption, sources_of(chosen))
 
 
 def _percent(roofs: Ceilings) -> Callable[[Timing, float], float]:

@@ -19,23 +19,24 @@ from softlab.bench.experiments.stability.points import (
 from softlab.bench.experiments.stability.runs import END, OUTCOMES
 from softlab.model.core.integrators import INTEGRATORS
 from softlab.plots.core.colours import BLACK, ORANGE, SKY, YELLOW
-from softlab.plots.core.data import Results, Source, judgements
-from softlab.plots.core.style import LONG_LABEL, Drawing, new_sheet, plain_ticks
+from softlab.plots.core.data import Results, Source, judgements, needed
+from softlab.plots.core.style import LONG_LABEL, Drawing, as_figure, new_sheet, plain_ticks
 
-TITLE_STIFFNESS = "Where each integrator breaks: stiffness"
-TITLE_DAMPING = "Where each integrator breaks: damping"
 COLOURS = ("#BFE3D6", SKY, YELLOW, ORANGE)  # of OUTCOMES
 WORDS = ("settles", "bounded, still moving", "grows", "diverged")
 HEIGHT = 3.05  # inch
+NO_MAP = "the stability runs hold no map"
 SHOWN = (("cpu", "float64"), ("gpu", "float64"), ("cpu", "float32"), ("gpu", "float32"))  # in order of preference
 
 
-def draw_stiffness(results: Results) -> Drawing | str:
+@as_figure("stability-stiffness", "Where each integrator breaks: stiffness")
+def draw_stiffness(results: Results) -> Drawing:
     """Return the outcomes over (dt, stiffness), one panel per integrator, or the reason why there is no figure."""
     return _draw(results, "stiffness")
 
 
-def draw_damping(results: Results) -> Drawing | str:
+@as_figure("stability-damping", "Where each integrator breaks: damping")
+def draw_damping(results: Results) -> Drawing:
     """Return the outcomes over (dt, damping), one panel per integrator, or the reason why there is no figure."""
     return _draw(results, "damping")
 
@@ -60,14 +61,12 @@ def row_points(points: Sequence[MapPoint], axis: str) -> list[MapPoint]:
     ]
 
 
-def _draw(results: Results, axis: str) -> Drawing | str:
+def _draw(results: Results, axis: str) -> Drawing:
     points, edges, sources = stability_runs(results)
-    if not sources:
-        return "no stability runs were made"
-    pair = shown(points)
+    needed(sources, "no stability runs were made")
+    pair = needed(shown(points), NO_MAP)
     map_points = [p for p in row_points(points, axis) if (p.place.backend, p.place.precision) == pair]
-    if pair is None or len({p.place.dt for p in map_points}) < 2:
-        return "the stability runs hold no map"
+    needed(len({p.place.dt for p in map_points}) > 1, NO_MAP)
     figure = new_sheet(HEIGHT)
     axes = figure.subplots(2, 3, sharex=True, sharey=True)
     sheet_edges = [e for e in edges if not e.place.chain and (e.place.backend, e.place.precision) == pair]
@@ -85,8 +84,7 @@ def _draw(results: Results, axis: str) -> Drawing | str:
     for row in axes:
         row[0].set_ylabel("stiffness / (N/m)" if axis == "stiffness" else "damping / (N s/m)", fontsize=LONG_LABEL)
     _legend(figure)
-    title = TITLE_STIFFNESS if axis == "stiffness" else TITLE_DAMPING
-    return Drawing(figure, title, _caption(pair, axis), sources)
+    return Drawing(figure, _caption(pair, axis), sources)
 
 
 def _draw_panel(ax: Any, points: Sequence[MapPoint], edges: Sequence[Edge], axis: str) -> None:

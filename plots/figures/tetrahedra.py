@@ -9,10 +9,10 @@ from softlab.bench.experiments.tetrahedral.bars import Bar, bars
 from softlab.bench.experiments.tetrahedral.cantilever import BLOCKS, SECOND
 from softlab.plots.core.backends import on_backends
 from softlab.plots.core.colours import GREY, METHODS
-from softlab.plots.core.data import Results, Source
-from softlab.plots.core.style import Drawing, legend_below, new_grid, plain_ticks
+from softlab.plots.core.data import Results, Source, needed
+from softlab.plots.core.style import Drawing, as_figure, legend_below, new_grid, plain_ticks
 
-TITLE = "Does E mean E?"
+MISSING = "no bars of tetrahedra were measured (softlab tetrahedra)"
 STYLES = {
     "substeps": ("position-based, one sweep a substep", METHODS["xpbd"], "o"),
     "iterations": ("position-based, several sweeps a substep", METHODS["xpbd"], "s"),
@@ -48,14 +48,13 @@ def on(source: Source, backend: str) -> list[Bar]:
     return middle([bar for bar in bars(source.measures) if bar.backend == backend])
 
 
-def draw(results: Results) -> Drawing | str:
+@as_figure("tetrahedra", "Does E mean E?", MISSING)
+def draw(results: Results) -> Drawing:
     """Return the figure, at rest and in motion, a panel per Young's modulus, or the reason why there is none.
 
     Of the backend with most measurements, the GPU if both have equally many.
     """
-    chosen = on_backends(results, on)
-    if not chosen:
-        return "no bars of tetrahedra were measured (softlab tetrahedra)"
+    chosen = needed(on_backends(results, on))
     backend, source, measured = max(chosen, key=lambda one: (len({bar.young for bar in one[2]}), one[0] == "gpu"))
     moduli = sorted({bar.young for bar in measured})
     figure, rows = new_grid(len(ERRORS), len(moduli), 3.9)
@@ -80,7 +79,7 @@ def draw(results: Results) -> Drawing | str:
         "from the exact one. Solid: float64, dotted: float32. Dashed: how far that exact rest is from the continuum's."
         f"{f' Errors under {LEAST:g} are drawn there.' if clipped else ''}"
     )
-    return Drawing(figure, TITLE, caption, (source,))
+    return Drawing(figure, caption, (source,))
 
 
 def _panel(ax: Any, measured: Sequence[Bar], error: Callable[[Bar], float]) -> None:

@@ -12,10 +12,10 @@ from softlab.bench.experiments.tetrahedral.decides import positional
 from softlab.bench.experiments.tetrahedral.promised import WITHIN
 from softlab.plots.core.backends import name_of, on_backends, sources_of
 from softlab.plots.core.colours import BLACK, GREY, METHODS
-from softlab.plots.core.data import Results, Source
-from softlab.plots.core.style import Drawing, legend_below, new_grid, plain_ticks
+from softlab.plots.core.data import Results, Source, needed
+from softlab.plots.core.style import Drawing, as_figure, legend_below, new_grid, plain_ticks
+from softlab.plots.figures.tetrahedra import MISSING
 
-TITLE = "The error of the tip against the time of a frame"
 STYLES = {
     "xpbd": ("position-based", METHODS["xpbd"], "o"),
     "vbd": ("vertex block descent", METHODS["vertex block descent"], "^"),
@@ -47,15 +47,14 @@ def frontier(measured: Sequence[Bar], error: Callable[[Bar], float] = lambda bar
     return front
 
 
-def draw(results: Results) -> Drawing | str:
+@as_figure("tetrahedra-decides", "The error of the tip against the time of a frame")
+def draw(results: Results) -> Drawing:
     """Return the figure, or the reason why there is none.
 
     A panel per size and Young's modulus, ACROSS per row, both backends.
     """
     chosen = on_backends(results, on)
-    measured = [bar for _, _, of_panel in chosen for bar in of_panel]
-    if not measured:
-        return "no bars of tetrahedra were measured (softlab tetrahedra)"
+    measured = needed([bar for _, _, of_panel in chosen for bar in of_panel], MISSING)
     panels = sorted({(b.elements, b.young) for b in measured})
     count = -(-len(panels) // ACROSS)
     figure, rows = new_grid(count, min(ACROSS, len(panels)), 1.0 + 1.15 * count)
@@ -88,7 +87,7 @@ def draw(results: Results) -> Drawing | str:
         f"{f' Errors under {LEAST:g} are drawn there.' if any(abs(b.motion_error) < LEAST for b in measured) else ''}"
         f"{' *: with times of another version of the kernels than the other panels.' if other else ''}"
     )
-    return Drawing(figure, TITLE, caption, sources_of(chosen))
+    return Drawing(figure, caption, sources_of(chosen))
 
 
 def _panel(ax: Any, measured: Sequence[Bar]) -> None:

@@ -7,10 +7,9 @@ from typing import Any
 from softlab.bench.experiments.tetrahedral.cantilever import SECOND
 from softlab.bench.experiments.tetrahedral.meshes import MESH, STEP, Mesh, Step, meshes, steps
 from softlab.plots.core.colours import BLACK, BLUE, GREY, METHODS, ORANGE, VERMILLION
-from softlab.plots.core.data import Results, judgements
-from softlab.plots.core.style import Drawing, legend_below, new_figure, plain_ticks
+from softlab.plots.core.data import Results, judgements, needed
+from softlab.plots.core.style import Drawing, as_figure, legend_below, new_figure, plain_ticks
 
-TITLE = "What meshes and steps do by themselves"
 MARKERS = {5: ("o", "-"), 6: ("s", ":")}
 RATIOS = {0.3: BLUE, 0.45: ORANGE, 0.499: VERMILLION}
 SOLVERS = {
@@ -21,12 +20,12 @@ SOLVERS = {
 }
 
 
-def draw(results: Results) -> Drawing | str:
+@as_figure("tetrahedra-mesh", "What meshes and steps do by themselves")
+def draw(results: Results) -> Drawing:
     """Return the figure with meshes on the left and steps on the right, or the reason why there is none."""
     selected, sources = judgements(results, lambda measure: measure.description.get("finding") in (MESH, STEP))
     meshed, stepped = meshes(selected), steps(selected)
-    if not meshed and not stepped:
-        return "meshes of tetrahedra were not measured (softlab tetrahedra)"
+    needed(meshed or stepped, "meshes of tetrahedra were not measured (softlab tetrahedra)")
     figure, (left, right) = new_figure(2, 2.9, sharey=False)
     _meshes(left, meshed)
     _steps(right, [step for step in stepped if step.backend == stepped[0].backend])
@@ -37,7 +36,7 @@ def draw(results: Results) -> Drawing | str:
         "damps loses of its amplitude, by the substep, and what the laws of implicit Euler and of order 2 say (dashed); with "
         "too little to do a position-based bar is softer, swings slower and loses less. float64."
     )
-    return Drawing(figure, TITLE, caption, sources)
+    return Drawing(figure, caption, sources)
 
 
 def _meshes(ax: Any, all_meshes: list[Mesh]) -> None:

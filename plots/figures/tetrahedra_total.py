@@ -9,11 +9,11 @@ from softlab.bench.experiments.tetrahedral.bars import Bar, bars, of_one_version
 from softlab.bench.experiments.tetrahedral.decides import moves
 from softlab.plots.core.backends import name_of, on_backends, sources_of
 from softlab.plots.core.colours import BLUE, GREEN, ORANGE, PURPLE
-from softlab.plots.core.data import Results, Source
-from softlab.plots.core.style import Drawing, legend_below, new_grid, plain_ticks
+from softlab.plots.core.data import Results, Source, needed
+from softlab.plots.core.style import Drawing, as_figure, legend_below, new_grid, plain_ticks
+from softlab.plots.figures.tetrahedra import MISSING
 from softlab.plots.figures.tetrahedra_decides import STYLES, frontier, kind_of
 
-TITLE = "Total error of a bar of tetrahedra against the time of a frame"
 MESHES = {50: ORANGE, 400: PURPLE, 3200: BLUE, 25600: GREEN}  # tetrahedra -> colour
 MOST = 10.0  # larger errors are drawn there
 
@@ -24,12 +24,11 @@ def on(source: Source, backend: str) -> list[Bar]:
     return [b for b in measured if isfinite(b.solver_error) and moves(b) and not b.wrong]
 
 
-def draw(results: Results) -> Drawing | str:
+@as_figure("tetrahedra-total", "Total error of a bar of tetrahedra against the time of a frame")
+def draw(results: Results) -> Drawing:
     """Return the figure, a row per backend and a column per Young's modulus, or the reason why there is none."""
     chosen = on_backends(results, on)
-    moduli = sorted({bar.young for _, _, measured in chosen for bar in measured})
-    if not moduli:
-        return "no bars of tetrahedra were measured (softlab tetrahedra)"
+    moduli = sorted(needed({bar.young for _, _, measured in chosen for bar in measured}, MISSING))
     figure, rows = new_grid(len(chosen), len(moduli), 1.0 + 1.2 * len(chosen))
     drawn: list[Bar] = []
     for axes, (backend, _, measured) in zip(rows, chosen, strict=True):
@@ -55,7 +54,7 @@ def draw(results: Results) -> Drawing | str:
         f"{f'Errors over {MOST:g} are drawn there. ' if clipped else ''}"
         f"{'; '.join(name_of(backend, source) for backend, source, _ in chosen)}."
     )
-    return Drawing(figure, TITLE, caption, sources_of(chosen))
+    return Drawing(figure, caption, sources_of(chosen))
 
 
 def _panel(ax: Any, measured: list[Bar]) -> list[Bar]:

@@ -10,6 +10,7 @@ from softlab.plots.core.style import (
     THREADS,
     Curve,
     Drawing,
+    as_figure,
     draw_times,
     legend_below,
     log_axes,
@@ -18,18 +19,16 @@ from softlab.plots.core.style import (
     time_ticks,
 )
 
-TITLE = "Time per step against size"
 PLAIN = "launch"  # the kernel with one thread per mass and a launch for every step
 PLAIN_TEXT = (
     "GPU: the kernel that is chosen by default; one thread per mass: the plain design of the hand-out (launch). "
 )
 
 
-def draw(results: Results) -> Drawing | str:
+@as_figure("time-per-step", "Time per step against size", "no timings without graphics")
+def draw(results: Results) -> Drawing:
     """Return the figure, or the reason why there is none."""
     figure, chosen = panels(results, lambda source: any(not t.graphics for t in source.timings))
-    if figure is None:
-        return "no timings without graphics"
     times, plain = [], False
     for ax, source in chosen:
         behind = _draw_background(ax, results)
@@ -52,7 +51,7 @@ def draw(results: Results) -> Drawing | str:
         "Time of one step of the square grid without graphics against its number of masses, float32: medians, and bands "
         f"from the fastest to the slowest repeat. {PLAIN_TEXT if plain else ''}{_threads_text(sources)}"
     )
-    return Drawing(figure, TITLE, caption, (*sources, *behind))
+    return Drawing(figure, caption, (*sources, *behind))
 
 
 def _threads_text(sources: list[Source]) -> str:

@@ -12,10 +12,9 @@ from softlab.model.core.simulation import PRECISIONS
 from softlab.model.scene.scene import load_scene
 from softlab.plots.core.accuracy_points import Point, points
 from softlab.plots.core.colours import BLACK, GREY, METHODS
-from softlab.plots.core.data import Results, Source
-from softlab.plots.core.style import LONG_LABEL, Drawing, legend_below, new_grid
+from softlab.plots.core.data import Results, Source, needed
+from softlab.plots.core.style import LONG_LABEL, Drawing, as_figure, legend_below, new_grid
 
-TITLE = "Work-precision diagram"
 BROWN, PINK, VIOLET = "#7A5230", "#B0305C", "#5E3C99"
 NAMES = GRIDS | CLOTHS  # label -> scene
 SCENES = ("S1", "S2", "S4", "S5", "S6", "S6-still")
@@ -53,19 +52,17 @@ LOST = 100.0
 EDGE = 3.0  # times the largest error that is not lost: place of diverged runs
 
 
-def draw(results: Results) -> Drawing | str:
+@as_figure("work-precision", "Work-precision diagram", "no accuracy runs were measured")
+def draw(results: Results) -> Drawing:
     """Return the figure of the first featured machine with accuracy runs, or the reason why there is none.
 
     A row per scene, a column per precision.
     """
-    source = accurate_source(results)
-    if source is None:
-        return "no accuracy runs were measured"
+    source = needed(accurate_source(results))
     timed = {scene: [p for p in points(source, scene) if p.seconds is not None] for scene in SCENES}
     rows = [scene for scene in SCENES if scene in [name for name in PREFERRED if timed[name]][:MOST]]
     columns = [name for name in PRECISIONS if any(p.precision == name for scene in rows for p in timed[scene])]
-    if not rows:
-        return "the accuracy runs were not timed"
+    needed(rows, "the accuracy runs were not timed")
     figure, axes = new_grid(len(rows), len(columns), 1.3 + PANEL_HEIGHT * len(rows))
     for across, scene in zip(axes, rows, strict=True):
         for ax, precision in zip(across, columns, strict=True):
@@ -86,7 +83,7 @@ def draw(results: Results) -> Drawing | str:
         + "".join(f" {scene}: {text}." for scene in rows if (text := admitted(load_scene(NAMES[scene]))))
         + (" Pale: the time is suspect." if any(p.suspect for p in shown) else "")
     )
-    return Drawing(figure, TITLE, caption, (source,))
+    return Drawing(figure, caption, (source,))
 
 
 def accurate_source(results: Results) -> Source | None:

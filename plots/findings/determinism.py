@@ -7,11 +7,10 @@ from typing import Any
 from softlab.bench.experiments.findings.determinism import DETERMINISM
 from softlab.plots.core.backends import on_backends, sources_of
 from softlab.plots.core.colours import BLUE, GREEN, GREY, ORANGE, VERMILLION
-from softlab.plots.core.data import Results
-from softlab.plots.core.style import Drawing, legend_below, log_axes, new_figure, plain_ticks
+from softlab.plots.core.data import Results, needed
+from softlab.plots.core.style import Drawing, as_figure, legend_below, log_axes, new_figure, plain_ticks
 from softlab.plots.findings.points import Cost, costs
 
-TITLE = "What determinism costs"
 STYLES = {  # backend, variant -> label, colour, marker
     ("cpu", "colours"): ("CPU, scatter in colours", BLUE, "o"),
     ("cpu", "twice"): ("CPU, gather, each spring twice", ORANGE, "^"),
@@ -22,11 +21,10 @@ LINES = {"float32": "-", "float64": "--"}
 NAMES = {"cpu": "CPU, over the kernel fused", "gpu": "GPU, over the kernel graph"}
 
 
-def draw(results: Results) -> Drawing | str:
+@as_figure("findings-determinism", "What determinism costs", "gather and scatter were not timed side by side")
+def draw(results: Results) -> Drawing:
     """Return the figure with a panel per backend, or the reason why there is none."""
-    chosen = on_backends(results, lambda source, backend: costs(source, DETERMINISM, backend))
-    if not chosen:
-        return "gather and scatter were not timed side by side"
+    chosen = needed(on_backends(results, lambda source, backend: costs(source, DETERMINISM, backend)))
     figure, axes = new_figure(len(chosen), 3.0, sharey=False)
     for ax, (backend, _, measured) in zip(axes, chosen, strict=True):
         _panel(ax, backend, measured)
@@ -37,7 +35,7 @@ def draw(results: Results) -> Drawing | str:
         "its springs itself, over that of the lab's kernel of one pass a step, sampled in turn. Over 1: the lab's gather "
         "is faster. All but the atomic additions repeat bit for bit. Solid: float32, dashed: float64. Bars: extremes."
     )
-    return Drawing(figure, TITLE, caption, sources_of(chosen))
+    return Drawing(figure, caption, sources_of(chosen))
 
 
 def _panel(ax: Any, backend: str, measured: list[Cost]) -> None:

@@ -6,25 +6,23 @@ import math
 from typing import Any
 
 from softlab.bench.experiments.findings.experiment import AWAY, FLOOR
-from softlab.plots.core.data import Results
-from softlab.plots.core.style import Drawing, legend_below, log_axes, new_figure
+from softlab.plots.core.data import Results, needed
+from softlab.plots.core.style import Drawing, as_figure, legend_below, log_axes, new_figure
 from softlab.plots.figures.work_precision import INTEGRATORS
 from softlab.plots.findings.points import Row, of_finding
 
-TITLE = "Where float32 stops"
 LINES = {"float32": "-", "float64": "--"}
 
 
-def draw(results: Results) -> Drawing | str:
+@as_figure("findings-float32", "Where float32 stops", "the floor of float32 was not measured")
+def draw(results: Results) -> Drawing:
     """Return the figure, or the reason why there is none: error against step size, and against the distance from the
     origin.
     """
     source, floor = of_finding(results, FLOOR)
-    if source is None:
-        return "the floor of float32 was not measured"
     _, away = of_finding(results, AWAY)
     figure, axes = new_figure(2, 2.2, sharey=False)
-    _draw_floor(axes[0], [row for row in floor if 0 < row.value < math.inf])
+    _draw_floor(axes[0], [row for row in needed(floor) if 0 < row.value < math.inf])
     _draw_away(axes[1], away)
     legend_below(figure, axes, columns=3)
     caption = (
@@ -32,7 +30,7 @@ def draw(results: Results) -> Drawing | str:
         "origin in float32, the largest distance after 1 s to the same at the origin in float64; the hand-out's step (lab) "
         "takes its velocity from a difference of positions."
     )
-    return Drawing(figure, TITLE, caption, (source,))
+    return Drawing(figure, caption, (needed(source),))
 
 
 def _draw_floor(ax: Any, measured: list[Row]) -> None:

@@ -49,7 +49,7 @@ from softlab.plots.core.read import load
 from softlab.plots.core.style import Drawing, settings
 from softlab.plots.figures.bar import bars, draw, draw_clusters
 
-CLAIMS = bodies.CLAIMS | body_laws.CLAIMS
+CLAIMS = {**bodies.CLAIMS, **body_laws.CLAIMS}
 
 
 # ---------------------------------------------------------------------- figures and lab book

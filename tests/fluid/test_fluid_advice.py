@@ -54,7 +54,7 @@ def run_as(law: Any) -> Any:
 
     def run(self: _Search, budget: FluidBudget) -> FluidBudget:
         found = law(budget.scheme, budget.substeps, budget.iterations)
-        return budget.with_(found, 1e-3 * budget.substeps * budget.iterations)
+        return replace(budget, density=found, seconds=1e-3 * budget.substeps * budget.iterations)
 
     return run
 

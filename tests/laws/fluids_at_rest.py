@@ -30,7 +30,7 @@ from softlab.plots.core.data import Results
 from softlab.plots.core.files import save
 from softlab.plots.core.read import load
 from softlab.plots.core.style import Drawing, settings
-from softlab.plots.figures.fluids.rest import TITLE, draw
+from softlab.plots.figures.fluids.rest import draw
 
 DATA = COMMITTED / "amd-epyc-fluids.csv.gz"
 PICTURE = Path(__file__).parents[2] / "docs" / "images" / "fluids-rest.png"
@@ -77,8 +77,8 @@ def write_picture() -> None:
 
 def lines() -> list[str]:
     """Return the section of the page."""
-    found = committed()
-    told = ["## Fluids at rest", "", INTRODUCTION, "", f"![{TITLE}](images/{PICTURE.name})", "", drawing().caption, ""]
+    made, found = drawing(), committed()
+    told = ["## Fluids at rest", "", INTRODUCTION, "", f"![{made.title}](images/{PICTURE.name})", "", made.caption, ""]
     for kind in SCENES:
         told += _table(kind, [row for row in found if row.kind == kind])
     wild = [row for row in found if row.speed and not row.rests and not row.peer]

@@ -69,9 +69,9 @@ CLAIMS: tuple[Mistake, ...] = (
     *in_file(
         "labbook/claims/claim.py", HAND,
         {
-            "the smallest grid told as the largest": ('"threads-large": lambda results: threads_at(results, -1)', '"threads-large": lambda results: threads_at(results, 0)'),
-            "the bandwidth of the smallest grid": ("largest = [t for (t,) in timings][-1:]", "largest = [t for (t,) in timings][:1]"),
-            "float64 told of the smallest grid": ("single, double = both[-1]", "single, double = both[0]"),
+            "the smallest grid told as the largest": ('not measured.", (-1,))', 'not measured.", (0,))'),
+            "the bandwidth of the smallest grid": ("((largest,),) = needed(timings[-1:])", "((largest,),) = needed(timings[:1])"),
+            "float64 told of the smallest grid": ("single, double = needed(both)[-1]", "single, double = needed(both)[0]"),
             "the GPU is flat as far as it was measured": ("if timing.median > FLAT * curve[0].median:", "if timing.median < FLAT * curve[0].median:"),
         },
     ),

@@ -183,7 +183,7 @@ def test_the_command_writes_what_it_advises(tmp_path: Path, monkeypatch: pytest.
     found: list[TetrahedraAdvice] = []
 
     def made_up(store: Store, scene: Scene, error: float, **how: object) -> TetrahedraAdvice:
-        budget = Budget("newton", 7, 1, 0.0, error, "made up").taking(1e-3)
+        budget = Budget("newton", 7, 1, 0.0, error, "made up", seconds=1e-3)
         found.append(TetrahedraAdvice(scene, error, 0.5, (budget,), (), (), 1.0))
         return found[0]
 

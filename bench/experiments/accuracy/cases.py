@@ -47,6 +47,8 @@ WIDE = ("semi-implicit-euler", "velocity-verlet", "rk4")
 class Case(case_timing.Case):
     """One configuration whose error is computed; `label`: the label of its scene."""
 
+    worth = 2  # on the bar: judged, then timed
+
     @property
     def steps(self) -> int:
         return round(end_of(self.label) / self.scene.method.dt)

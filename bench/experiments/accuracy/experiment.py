@@ -51,7 +51,8 @@ from softlab.bench.experiments.accuracy.references import motion_of, references,
 from softlab.bench.experiments.accuracy.solver_error import Iterated, iterate, solver_numbers
 from softlab.bench.experiments.growth import Growth
 from softlab.bench.measure.compile_ahead import Job
-from softlab.bench.measure.experiment import Report, backends_here, chosen, resume, source_hash, store_measures
+from softlab.bench.measure.declaration import Choices, Experiment, Option
+from softlab.bench.measure.experiment import Report, source_hash, store_measures
 from softlab.bench.measure.samples import in_turns
 from softlab.bench.measure.timing import Subject, prepare_runs
 from softlab.bench.reference import cache
@@ -68,57 +69,51 @@ OLDER_STAGE = "accuracy"  # samples of runs that went on far beyond the time of 
 QUICK_EFFORT, EFFORT = (3, 0.01), (7, 0.02)  # samples, and how long one takes at least [s]
 
 
-def run_accuracy(
-    store: Store,
-    *,
-    quick: bool = False,
-    integrators: Sequence[str] | None = None,
-    precisions: Sequence[str] | None = None,
-    backends: Sequence[str] | None = None,
-    scenes: Sequence[str] | None = None,
-    progress: bool = True,
-    command: str = "softlab accuracy",
-) -> AccuracySummary:
+class Accuracy(Experiment):
     """Measure the cases that the store lacks and return all points of the grid of cases.
 
-    `quick`: fewer and shorter samples, no `exact` math, no other sizes, one ordering of xpbd, few iterations. `scenes`:
-    labels of `SCENES` and `CLOTHS` (None: all, without cloths if `quick`). `integrators`: names of `METHODS` or
-    `OF_CLOTHS`, or `xpbd` for all of its orderings (None: all). `precisions`: None for all. Subsets that are run
-    separately are combined in the store. `backends`: cpu, gpu (None: all that are available). References are stored in
-    the folder `references` beside the store. Every number is written to disk as soon as it is measured; Ctrl-C ends the
-    run cleanly.
-
-    Raises SceneError (an unknown name), BackendUnavailable (a requested backend is not available), InputError (the
-    store).
+    `quick`: fewer and shorter samples, no `exact` math, no other sizes, one ordering of xpbd, few iterations, no cloths
+    unless they are named. Subsets that are run separately are combined in the store. References are stored in the folder
+    `references` beside the store.
     """
-    repeats, seconds = QUICK_EFFORT if quick else EFFORT
-    names = chosen(integrators, (*METHODS, *OF_CLOTHS), "--integrator", rows=True) if integrators else None
-    accurate = chosen(precisions, list(PRECISIONS), "--precision") if precisions else None
-    here, summary = backends_here(backends), AccuracySummary.begun(store, "accuracy")
-    everything = cases(scenes or (*SCENES, *([] if quick else CLOTHS)), here, not quick, names, accurate)
-    groups: dict[tuple[str, str], list[Case]] = {}
-    for case in everything:
-        groups.setdefault((case.label, case.backend), []).append(case)
 
-    def is_stored(case: Case) -> bool:
-        key = case.description, summary.machine, case.sources
+    name = command = "accuracy"
+    options = {  # without these: fewer than all, see `cases`
+        "integrators": Option("--integrator", values=(*METHODS, *OF_CLOTHS), usual=(), rows=True),
+        "precisions": Option("--precision", values=tuple(PRECISIONS), usual=()),
+        "scenes": Option("--scene", values=(*SCENES, *CLOTHS), quick=tuple(SCENES)),
+    }
+    summary = AccuracySummary
+
+    def plan(self, store: Store, backends: Sequence[str], quick: bool, options: Choices) -> Sequence[Sequence[Case]]:
+        """Return the cases of each scene and backend."""
+        groups: dict[tuple[str, str], list[Case]] = {}
+        methods, precisions = options["integrators"] or None, options["precisions"] or None
+        for case in cases(options["scenes"], backends, not quick, methods, precisions):
+            groups.setdefault((case.label, case.backend), []).append(case)
+        return list(groups.values())
+
+    def is_stored(self, store: Store, machine: str, quick: bool, case: Case) -> bool:
+        key = case.description, machine, case.sources
         wanted = (COST, GROWTH, SOLVER) if case.scene.method.position_based else (COST, GROWTH)
         has_measures = all(store.has_measure(*key, name) for name in wanted)
-        return has_measures and store.sample_count(*key, STAGE) >= repeats
+        return has_measures and store.sample_count(*key, STAGE) >= (QUICK_EFFORT if quick else EFFORT)[0]
 
-    def measure(group: Sequence[Case], report: Report) -> None:
-        _Group(store, summary, repeats, seconds, report).measure(group)
+    def measure(
+        self, store: Store, summary: AccuracySummary, quick: bool, group: Sequence[Case], report: Report
+    ) -> None:
+        _Group(store, summary, *(QUICK_EFFORT if quick else EFFORT), report).measure(group)
 
-    def before(missing: Sequence[Case]) -> list[Job]:
-        return _reference_jobs(missing, references(store))
+    def before(self, store: Store, cases: Sequence[Case]) -> list[Job]:
+        return _reference_jobs(cases, references(store))
 
-    resume(
-        store, summary, list(groups.values()), is_stored, measure, progress=progress, command=command,
-        worth=lambda case: 2, before=before,
-    )  # fmt: skip
-    summary.points = _points(store, summary.machine, everything)
-    summary.stop()
-    return summary
+    def finish(
+        self, store: Store, summary: AccuracySummary, cases: Sequence[Case], options: Choices, progress: bool
+    ) -> None:
+        summary.points = _points(store, summary.machine, cases)
+
+
+run_accuracy = Accuracy()
 
 
 def _reference_jobs(missing: Sequence[Case], folder: Path | None) -> list[Job]:

@@ -80,11 +80,6 @@ class Advice(BaseAdvice[Choice]):
     seconds: float = 0.0
     machine: str = field(default="", compare=False)
 
-    @property
-    def runner_up(self) -> Choice | None:
-        """Second fastest choice."""
-        return self.choices[1] if len(self.choices) > 1 else None
-
     def heading(self) -> str:
         """Return the heading of the scene file that is written: the result, and the settings that a scene does not
         contain.
@@ -102,28 +97,20 @@ class Advice(BaseAdvice[Choice]):
 
     def __str__(self) -> str:
         grid = self.scene.grid
-        lines = [
+        asked = (
             f"{self.scene.title}, {grid.rows} x {grid.columns} masses: at most {self.error:g} spacings of error at "
             f"{self.time:g} s (a perturbation of {DISTURBANCE:g} {growth_words(self.growth)} by then)"
-        ]
-        if self.why:
-            lines.append(f"no answer: {self.why}")
-        best, second = self.best, self.runner_up
-        if best is not None:
-            lines += [f"fastest    {self._line(best)}", f"           {_margin(best)}"]
-            lines.append(f"           {self.options()} {self._settings(best)}")
-        if best is not None and second is not None:
-            ratio = second.seconds / best.seconds
-            clear = second.seconds > min(best.median, NOISE * best.seconds)
-            close = f"{ratio:.2g} times as long" if clear else "no difference beyond measurement noise"
-            lines += [f"second     {self._line(second)}; {close}", f"           {_margin(second)}"]
-        lines += [f"  then     {self._line(choice)}" for choice in self.choices[2:]]
-        lines += [f"  rejected {name}: {reason}" for name, reason in self.beaten]
+        )
         reasons = dict.fromkeys(choice.suspect for choice in self.choices if choice.suspect)
-        lines += [f"? marks a time that may be too long: {reason}" for reason in reasons]
-        lines += [f"note: {note}" for note in self.notes]
-        lines.append(f"the search took {self.seconds:.0f} s")
-        return "\n".join(lines)
+        return self.text(asked, marks=[f"? marks a time that may be too long: {reason}" for reason in reasons])
+
+    def _details(self, number: int, one: Choice) -> list[str]:
+        return [_margin(one), f"{self.options()} {self._settings(one)}"][: max(0, 2 - number)]
+
+    def _over(self, one: Choice) -> str:
+        best = self.choices[0]
+        clear = one.seconds > min(best.median, NOISE * best.seconds)
+        return f"{one.seconds / best.seconds:.2g} times as long" if clear else "no difference beyond measurement noise"
 
     def _settings(self, choice: Choice) -> str:
         """Return the options that change the requested scene to this choice."""
@@ -135,12 +122,12 @@ class Advice(BaseAdvice[Choice]):
         }
         return " ".join(f"--set {path}={value}" for path, value in changed.items())
 
-    def _line(self, choice: Choice) -> str:
-        cost, copied = 1e3 * choice.seconds, 1e3 * choice.copied(self.time)
-        mark = "?" if choice.suspect else ""
+    def _line(self, one: Choice) -> str:
+        cost, copied = 1e3 * one.seconds, 1e3 * one.copied(self.time)
+        mark = "?" if one.suspect else ""
         return (
-            f"{choice.name}: {cost:.3g}{mark} ms per simulated second ({copied:.3g} with a copy of the state to the host), "
-            f"error {choice.error:.2e} spacings"
+            f"{one.name}: {cost:.3g}{mark} ms per simulated second ({copied:.3g} with a copy of the state to the host), "
+            f"error {one.error:.2e} spacings"
         )
 
 

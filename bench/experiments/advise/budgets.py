@@ -17,6 +17,7 @@ from softlab.model.base.errors import SoftlabError
 from softlab.model.scene.scene import Scene
 
 NOISE = 1.1  # times whose ratio is smaller are called equal
+NOTHING = "no configuration reaches this error; ask for a larger --error or a smaller method.dt"
 
 
 class Chosen(Protocol):
@@ -75,6 +76,9 @@ class BaseAdvice(Generic[C]):
 
     scene: Scene
     choices: tuple[C, ...]
+    beaten: tuple[tuple[str, str], ...]
+    notes: tuple[str, ...]
+    seconds: float
     why: str | None
 
     @property
@@ -84,13 +88,42 @@ class BaseAdvice(Generic[C]):
     def configured(self) -> Scene:
         """Return the scene with the settings of the best choice. Raises ValueError if there is none."""
         if self.best is None:
-            raise ValueError(self.why or "no configuration reaches this error")
+            raise ValueError(self.why or NOTHING)
         return self.scene.replace(self.best.changes)
 
     def options(self) -> str:
         """Return the options of `softlab run` for the settings that a scene file does not contain."""
         assert self.best is not None
         return f"--backend {self.best.backend} --precision {self.best.precision}"
+
+    def text(self, asked: str, bases: Sequence[str] = (), marks: Sequence[str] = (), limits: Sequence[str] = ()) -> str:
+        """Return the whole text: the request `asked`, choices, what they are based on, rejections, `marks` of their times,
+        notes, and the `limits`.
+        """
+        lines = [asked]
+        if not self.choices:
+            lines.append(f"no answer: {self.why or NOTHING}")
+        for number, one in enumerate(self.choices):
+            head = {0: "fastest    ", 1: "second     "}.get(number, "  then     ")
+            over = f"; {self._over(one)}" if number == 1 else ""
+            lines.append(f"{head}{self._line(one)}{over}")
+            lines += [f"           {detail}" for detail in self._details(number, one)]
+        lines += [f"  basis    {basis}" for basis in bases]
+        lines += [f"  rejected {name}: {reason}" for name, reason in self.beaten]
+        lines += [*marks, *(f"note: {note}" for note in (*self.notes, *limits))]
+        return "\n".join([*lines, f"the search took {self.seconds:.0f} s"])
+
+    def _line(self, one: C) -> str:
+        """Return a choice with its time and its error."""
+        raise NotImplementedError
+
+    def _details(self, number: int, one: C) -> list[str]:
+        """Return the lines below a choice, the fastest of which has the number 0."""
+        raise NotImplementedError
+
+    def _over(self, one: C) -> str:
+        """Return the time of a choice over that of the fastest."""
+        raise NotImplementedError
 
 
 @dataclass(frozen=True)
@@ -110,26 +143,12 @@ class BudgetAdvice(BaseAdvice[B], Generic[B]):
     seconds: float
     why: str | None = None
 
-    def _text(self, asked: str, bases: Sequence[str], limits: str) -> str:
-        """Return the whole text: the request `asked`, choices, what they are based on, rejections, notes, and the
-        `limits`.
-        """
-        lines = [asked]
-        if not self.choices:
-            lines.append(
-                "no answer: no configuration reaches this error; ask for a larger --error or a smaller method.dt"
-            )
-        for number, one in enumerate(self.choices):
-            head = {0: "fastest    ", 1: "second     "}.get(number, "  then     ")
-            over = f"; {self._over(one)}" if number == 1 else ""
-            lines.append(f"{head}{one}: {1e3 * one.seconds:.3g} ms per step, timed here; {self._errors(one)}{over}")
-            if number == 0:
-                fields = " ".join(f"--set {path}={value}" for path, value in self._fields(one).items())
-                lines.append(f"           {self.options()} {fields}".rstrip())
-        lines += [f"  basis    {basis}" for basis in bases]
-        lines += [f"  rejected {name}: {reason}" for name, reason in self.beaten]
-        lines += [f"note: {note}" for note in (*self.notes, limits)]
-        return "\n".join([*lines, f"the search took {self.seconds:.0f} s"])
+    def _line(self, one: B) -> str:
+        return f"{one}: {1e3 * one.seconds:.3g} ms per step, timed here; {self._errors(one)}"
+
+    def _details(self, number: int, one: B) -> list[str]:
+        fields = " ".join(f"--set {path}={value}" for path, value in self._fields(one).items())
+        return [] if number else [f"{self.options()} {fields}".rstrip()]
 
     def _errors(self, one: B) -> str:
         """Return the remaining error of a budget, in words."""

@@ -87,10 +87,18 @@ class _Search:
                     simulation.advance(1)
                     densities.append(compression(scene, simulation.read("position"))[0])
             except Diverged:
-                return budget.with_(inf, inf)
+                return replace(budget, density=inf, seconds=inf)
             if incomplete(simulation):
-                return budget.with_(inf, inf)
-        return budget.with_(float(np.mean(densities)), seconds)
+                return replace(budget, density=inf, seconds=inf)
+        return replace(budget, density=float(np.mean(densities)), seconds=seconds)
+
+
+def end_of(scene: Scene, time: float | None) -> float:
+    """Return the end time [s] (None: UNTIL). Raises SceneError if it is not finite, or shorter than a step."""
+    end, dt = UNTIL if time is None else time, scene.method.dt
+    if not (isfinite(end) and end >= dt):
+        raise SceneError("--time", end, f"must be a finite number of seconds, at least one step of {dt:g} s")
+    return end
 
 
 def advise_fluids(
@@ -109,13 +117,9 @@ def advise_fluids(
 
     Raises SceneError (an impossible error or time), BackendUnavailable, InputError (the store).
     """
-    end = UNTIL if time is None else time
+    end = end_of(scene, time)
     if not LEAST <= error <= LARGEST:
         raise SceneError("--error", error, f"must be a relative density error from {LEAST:g} to {LARGEST:g}")
-    if not (isfinite(end) and end >= scene.method.dt):
-        raise SceneError(
-            "--time", end, f"must be a finite number of seconds, at least one step of {scene.method.dt:g} s"
-        )
     chosen = backends_here(backends)
     precision = "float32" if "float32" in precisions else "float64"
     summary = Summary.begun(store, "advise")
@@ -167,9 +171,7 @@ def _timed(store: Store, run: str, scene: Scene, able: Sequence[FluidBudget]) ->
     """Return the budgets that reach the error with the time of a step from the scene's start, sampled in turn."""
     timed, failed = time_in_turn(store, run, scene, able, FINDING, [__file__])
     # those that failed now ran before; that time stays
-    return [one.with_(one.density, costs[SECONDS][0] or one.seconds) for one, costs in timed] + [
-        one for one, _ in failed
-    ]
+    return [replace(one, seconds=costs[SECONDS][0] or one.seconds) for one, costs in timed] + [one for one, _ in failed]
 
 
 def _beside(store: Store, machine: str, scene: Scene) -> Iterator[str]:

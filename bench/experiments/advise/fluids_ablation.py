@@ -19,14 +19,14 @@ from rich.console import Console
 
 from softlab.app.driver import open_simulation
 from softlab.bench.experiments.advise.ablation import ARITHMETIC, FINER, FULL, PART, Ablation, ablations
-from softlab.bench.experiments.advise.fluids import UNTIL
+from softlab.bench.experiments.advise.fluids import end_of
 from softlab.bench.measure.costs_timing import QUICK, SECONDS, Measures, Record, in_turn
 from softlab.bench.measure.experiment import Report, Summary, backends_here, described, resume, store_measures
 from softlab.bench.measure.items import cost_sources
 from softlab.bench.measure.tables import columns, print_table
 from softlab.bench.measure.timing import Subject, prepare
 from softlab.bench.store.database import Store
-from softlab.model.base.errors import Diverged, SceneError
+from softlab.model.base.errors import Diverged
 from softlab.model.core.simulation import Simulation
 from softlab.model.fluid.measure import compression, height
 from softlab.model.scene.scene import Scene
@@ -105,11 +105,7 @@ def ablate_fluids(
 
     Raises SceneError (an impossible time), BackendUnavailable, InputError (the store), Diverged (the full scene).
     """
-    end = UNTIL if time is None else time
-    if not (isfinite(end) and end >= scene.method.dt):
-        raise SceneError(
-            "--time", end, f"must be a finite number of seconds, at least one step of {scene.method.dt:g} s"
-        )
+    end = end_of(scene, time)
     chosen = backends_here(backends)
     summary = FluidAblation.begun(store, "ablate")
     summary.title, summary.end, summary.spacing = scene.title, end, scene.fluid_set.spacing

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import inf
 from typing import Any
 
@@ -23,10 +23,6 @@ class FluidBudget:
     precision: str
     density: float = inf
     seconds: float = inf
-
-    def with_(self, density: float, seconds: float) -> FluidBudget:
-        """Return the same budget with its results."""
-        return replace(self, density=density, seconds=seconds)
 
     @property
     def effort(self) -> str:
@@ -65,7 +61,7 @@ class FluidAdvice(BudgetAdvice[FluidBudget]):
         limits = (
             "a small density error is no accurate motion; softlab fluids --truth measures fronts, heights and levels"
         )
-        return self._text(asked, (), limits)
+        return self.text(asked, limits=[limits])
 
     def _errors(self, one: FluidBudget) -> str:
         return f"density error {one.density:.2g}"

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import time as clock
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from math import inf, isfinite, pi, sqrt
 from pathlib import Path
 from typing import Any
@@ -88,7 +89,7 @@ def advise_tetrahedra(
             if lost > error:
                 beaten.append((f"{budget.words}, float32", _loses(scene, budget, lost, error)))
             else:
-                budgets += [budget.on(backend, precision) for backend in chosen]
+                budgets += [replace(budget, backend=backend, precision=precision) for backend in chosen]
     timed, failed = _timed(store, summary.start(store, command), scene, budgets) if budgets else ([], [])
     slowest = min(one.frequency for one in stiff)
     return TetrahedraAdvice(
@@ -237,7 +238,7 @@ def _timed(
     """Return (the budgets with the time of a step, (words, reason) of those that cannot be run here)."""
     timed, failed = time_in_turn(store, run, scene, budgets, FINDING, [__file__, str(Path(__file__).parent)])
     wrong = [(one, costs[SECONDS][2] or "") for one, costs in timed if is_wrong(costs[SECONDS][2])]
-    able = [one.taking(costs[SECONDS][0] or inf) for one, costs in timed if not is_wrong(costs[SECONDS][2])]
+    able = [replace(b, seconds=costs[SECONDS][0] or inf) for b, costs in timed if not is_wrong(costs[SECONDS][2])]
     return able, [(str(one), reason) for one, reason in (*failed, *wrong)]
 
 

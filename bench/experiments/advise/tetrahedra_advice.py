@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import inf
 from typing import Any
 
@@ -29,14 +29,6 @@ class Budget:
     precision: str = "float64"
     seconds: float = inf
     order: int = 1
-
-    def on(self, backend: str, precision: str) -> Budget:
-        """Return the same budget on another backend and precision."""
-        return replace(self, backend=backend, precision=precision)
-
-    def taking(self, seconds: float) -> Budget:
-        """Return the same budget with the time of a step [s]."""
-        return replace(self, seconds=seconds)
 
     @property
     def name(self) -> str:
@@ -88,7 +80,7 @@ class TetrahedraAdvice(BudgetAdvice[Budget]):
         )
         bases = list(dict.fromkeys(f"{one.name} of {one.iterations}: {one.basis}" for one in self.choices))
         limits = "the error of the mesh is not included; softlab tetrahedra measures how stiffly linear tetrahedra bend"
-        return self._text(asked, bases, limits)
+        return self.text(asked, bases, limits=[limits])
 
     def _fields(self, one: Budget) -> dict[str, Any]:
         """Return the fields that differ from the requested scene."""

@@ -31,7 +31,8 @@ from softlab.bench.experiments.stability.points import (
 )
 from softlab.bench.experiments.stability.runs import DIVERGED, LIVE, linear, measured_edge, outcome
 from softlab.bench.measure import case_timing
-from softlab.bench.measure.experiment import Report, backends_here, chosen, resume, source_hash, store_measures
+from softlab.bench.measure.declaration import Choices, Experiment, Option
+from softlab.bench.measure.experiment import Report, source_hash, store_measures
 from softlab.bench.measure.gpu import gpu_simulated
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import configuration, measures_of
@@ -153,60 +154,49 @@ def analytic(scene: Scene) -> float:
     return INTEGRATORS[scene.method.integrator].limit(scene_frequency(scene).estimate, damping_rate(scene))
 
 
-def run_stability(
-    store: Store,
-    *,
-    quick: bool = False,
-    integrators: Sequence[str] | None = None,
-    backends: Sequence[str] | None = None,
-    progress: bool = True,
-    command: str = "softlab stability",
-) -> StabilitySummary:
+class Stability(Experiment):
     """Run the points and edges that the store lacks, and return all of them; `print(summary)` is a table.
 
-    `quick`: a coarser map, fewer edges, few integrators in float32, all of which are part of the full set.
-    `integrators`: None for all; subsets that are run separately are combined in the store. `backends`: cpu, gpu (None:
-    all that are available). Every number is written to disk as soon as it is measured, so that the same command
-    resumes; Ctrl-C ends cleanly.
-
-    Raises SceneError (an unknown name), BackendUnavailable (a requested backend is not available), InputError (the
-    store).
+    `quick`: a coarser map, fewer edges, few integrators in float32, all of which are part of the full set. Subsets of
+    integrators that are run separately are combined in the store.
     """
-    names, here = chosen(integrators, list(INTEGRATORS), "--integrator"), backends_here(backends)
-    summary = StabilitySummary.begun(store, "stability")
-    everything = cases(QUICK if quick else FULL, here, names)
-    groups: dict[tuple[Any, ...], list[Case]] = {}
-    for case in everything:
-        groups.setdefault(case.simulation_kind, []).append(case)
 
-    def is_stored(case: Case) -> bool:
-        return store.has_measure(case.description, summary.machine, case.sources, case.done)
+    name = command = "stability"
+    options = {"integrators": Option("--integrator", "Only this integrator. Repeatable.", values=tuple(INTEGRATORS))}
+    summary = StabilitySummary
 
-    def measure(group: Sequence[Case], report: Report) -> None:
-        _measure(store, summary, group, report)
+    def plan(self, store: Store, backends: Sequence[str], quick: bool, options: Choices) -> Sequence[Sequence[Case]]:
+        """Return the cases of each opened simulation."""
+        groups: dict[tuple[Any, ...], list[Case]] = {}
+        for case in cases(QUICK if quick else FULL, backends, options["integrators"]):
+            groups.setdefault(case.simulation_kind, []).append(case)
+        return list(groups.values())
 
-    resume(
-        store, summary, list(groups.values()), is_stored, measure, progress=progress, command=command,
-        worth=lambda case: case.worth,
-    )  # fmt: skip
-    summary.points, summary.edges = stability_of(
-        measures_of(store, summary.machine, (one.description for one in everything))
-    )
-    summary.stop()
-    return summary
+    def is_stored(self, store: Store, machine: str, quick: bool, case: Case) -> bool:
+        return store.has_measure(case.description, machine, case.sources, case.done)
+
+    def measure(
+        self, store: Store, summary: StabilitySummary, quick: bool, group: Sequence[Case], report: Report
+    ) -> None:
+        """Run the cases of one opened simulation, each stored when it is done."""
+        with ExitStack() as stack:
+            report(f"{group[0]}: opening", 0)
+            simulation = stack.enter_context(group[0].open())
+            for case in group:
+                report(str(case), 0)
+                numbers = _edge_numbers(simulation, case) if case.edge else _map_numbers(simulation, case)
+                store_measures(store, summary.run, case.description, case.sources, numbers)
+                summary.measured += 1
+                report(str(case), case.worth)
+
+    def finish(
+        self, store: Store, summary: StabilitySummary, cases: Sequence[Case], options: Choices, progress: bool
+    ) -> None:
+        stored = measures_of(store, summary.machine, (one.description for one in cases))
+        summary.points, summary.edges = stability_of(stored)
 
 
-def _measure(store: Store, summary: StabilitySummary, group: Sequence[Case], report: Report) -> None:
-    """Run the cases of one opened simulation, each stored when it is done."""
-    with ExitStack() as stack:
-        report(f"{group[0]}: opening", 0)
-        simulation = stack.enter_context(group[0].open())
-        for case in group:
-            report(str(case), 0)
-            numbers = _edge_numbers(simulation, case) if case.edge else _map_numbers(simulation, case)
-            store_measures(store, summary.run, case.description, case.sources, numbers)
-            summary.measured += 1
-            report(str(case), case.worth)
+run_stability = Stability()
 
 
 Numbers = dict[str, tuple[float, str, str | None]]

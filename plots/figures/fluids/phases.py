@@ -9,11 +9,9 @@ from softlab.bench.measure.case_timing import Row
 from softlab.model.fluid.plan import neighbours_at_rest
 from softlab.plots.core.backends import name_of, on_backends, sources_of, timed
 from softlab.plots.core.colours import BLACK, BLUE, ORANGE
-from softlab.plots.core.data import Results, Source
-from softlab.plots.core.style import Drawing, new_figure
+from softlab.plots.core.data import Results, Source, needed
+from softlab.plots.core.style import Drawing, as_figure, new_figure
 
-TITLE = "Fluids: stages against their limits"
-MISSING = "stages of fluids were not timed: softlab fluids"
 UNKNOWN = "what the machine copies and computes a second was not measured: softlab sweep --kernels"
 LABELS = ("nanoseconds a particle", "")
 HALF = 0.5  # of the measured arithmetic rate, which sums of products and roots do not exceed
@@ -41,15 +39,14 @@ def least(point: Row, phase: str, limits: tuple[float, float]) -> tuple[float, s
     return (moved, "memory") if moved >= done else (done, "arithmetic")
 
 
-def draw(results: Results) -> Drawing | str:
+@as_figure("fluids-phases", "Fluids: stages against their limits", "stages of fluids were not timed: softlab fluids")
+def draw(results: Results) -> Drawing:
     """Return the figure with a panel per backend, of its largest pool, or the reason why there is none."""
     chosen = [(b, s, pools[-1]) for b, s, pools in on_backends(results, on) if rates(s, b)]
-    if not chosen:
-        return UNKNOWN if on_backends(results, on) else MISSING
+    needed(chosen, UNKNOWN if on_backends(results, on) else "")
     figure, axes = new_figure(len(chosen), 2.6, sharey=True)
     for ax, (backend, source, point) in zip(axes, chosen, strict=True):
-        limits = rates(source, backend)
-        assert limits is not None
+        limits = needed(rates(source, backend))
         shown = [phase for phase in PHASES if phase in point.phases]
         places = np.arange(len(shown))
         taken = [1e9 * point.phases[phase] / point.particles for phase in shown]
@@ -69,4 +66,4 @@ def draw(results: Results) -> Drawing | str:
         "A pool at rest, each stage of a substep by itself: what it takes, and the least that the machine's measured "
         "copying, or half of its measured arithmetic, allows, were neighbours' positions in a cache. float32, fast math."
     )
-    return Drawing(figure, TITLE, caption, sources_of(chosen))
+    return Drawing(figure, caption, sources_of(chosen))

@@ -21,11 +21,9 @@ from softlab.bench.experiments.fluid_rest import (
 from softlab.bench.experiments.fluid_truth.scenes import SCHEMES
 from softlab.plots.core.backends import on_backends, sources_of
 from softlab.plots.core.colours import BLACK, BLUE, GREEN, ORANGE, PURPLE, VERMILLION
-from softlab.plots.core.data import Results, Source
-from softlab.plots.core.style import LONG_LABEL, Drawing, legend_below, new_grid, plain_ticks
+from softlab.plots.core.data import Results, Source, needed
+from softlab.plots.core.style import LONG_LABEL, Drawing, as_figure, legend_below, new_grid, plain_ticks
 
-TITLE = "Fluids at rest"
-MISSING = "fluids at rest were not watched: softlab fluids --rest"
 COLOURS = dict(zip(SUBSTEPS, (BLUE, GREEN, ORANGE, VERMILLION, PURPLE), strict=True))
 LABELS = (("", "tank: rms / √(g H)"), ("", "tank: gain / g H"), ("time / s", "box: rms / √(g H)"))
 CAPTION = (
@@ -46,11 +44,10 @@ def on(source: Source, backend: str) -> list[Still]:
     ]
 
 
-def draw(results: Results) -> Drawing | str:
+@as_figure("fluids-rest", "Fluids at rest", "fluids at rest were not watched: softlab fluids --rest")
+def draw(results: Results) -> Drawing:
     """Draw a column for each scheme: speeds and energies of the tank, speeds of the box; or return why not."""
-    chosen = on_backends(results, on)[:1]
-    if not chosen:
-        return MISSING
+    chosen = needed(on_backends(results, on)[:1])
     (_, _, still), *_ = chosen
     figure, axes = new_grid(3, len(SCHEMES), 4.4)
     for column, scheme in enumerate(SCHEMES):
@@ -79,7 +76,7 @@ def draw(results: Results) -> Drawing | str:
         first.plot([], [], color=colour, label=f"{substeps} substep{'s' * (substeps > 1)}")
     first.plot([], [], color=BLACK, label="SPlisHSPlasH DFSPH")
     legend_below(figure, [first], columns=3)
-    return Drawing(figure, TITLE, CAPTION, sources_of(chosen))
+    return Drawing(figure, CAPTION, sources_of(chosen))
 
 
 def _line(ax: Any, points: Iterable[tuple[float, float]], colour: str) -> None:

@@ -9,11 +9,9 @@ from softlab.bench.experiments.fluid_truth.rows import Judged, rows
 from softlab.bench.experiments.fluid_truth.scenes import DAM, DAM_EFFORTS, TANK, VORTICES
 from softlab.plots.core.backends import name_of, on_backends, sources_of
 from softlab.plots.core.colours import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILLION
-from softlab.plots.core.data import Results, Source
-from softlab.plots.core.style import Drawing, legend_below, new_figure, plain_ticks
+from softlab.plots.core.data import Results, Source, needed
+from softlab.plots.core.style import Drawing, as_figure, legend_below, new_figure, plain_ticks
 
-TITLE = "Fluids: error against time"
-MISSING = "fluids were not judged: softlab fluids --truth"
 # scheme -> colour, marker; others take the next of OTHERS
 COLOURS = {"macklin": (BLUE, "o"), "averaged": (ORANGE, "s")}
 OTHERS = ((GREEN, "^"), (VERMILLION, "D"), (PURPLE, "v"))
@@ -62,11 +60,10 @@ def _points(judged: list[Judged], panel: int, who: str, name: str = laws.FRONT) 
     return sorted((1e3 * (row.frame or 0.0), row.numbers[shown]) for row in selected)
 
 
-def draw(results: Results) -> Drawing | str:
+@as_figure("fluids-truth", "Fluids: error against time", "fluids were not judged: softlab fluids --truth")
+def draw(results: Results) -> Drawing:
     """Return the figure with a panel each for tank, dam and vortices, or the reason why there is none."""
-    chosen = on_backends(results, on)
-    if not chosen:
-        return MISSING
+    chosen = needed(on_backends(results, on))
     figure, axes = new_figure(3, 2.9, sharey=False)
     everything = [row for _, _, judged in chosen for row in judged]
     styles = styles_of(everything)
@@ -92,7 +89,7 @@ def draw(results: Results) -> Drawing | str:
     for backend, source, _ in chosen:
         axes[0].plot([], [], LINES[backend], color=GREY, label=name_of(backend, source))
     legend_below(figure, axes, columns=3)
-    return Drawing(figure, TITLE, CAPTION, sources_of(chosen))
+    return Drawing(figure, CAPTION, sources_of(chosen))
 
 
 def _line(ax: Any, points: list[tuple[float, float]], line: str, colour: str, marker: str, inside: str) -> None:

@@ -10,10 +10,9 @@ from softlab.bench.measure.case_timing import Row
 from softlab.bench.store.results import Measure
 from softlab.plots.core.backends import on_backends, sources_of, timed
 from softlab.plots.core.colours import BLUE, GREY, ORANGE, PURPLE, VERMILLION
-from softlab.plots.core.data import Results
-from softlab.plots.core.style import LONG_LABEL, Drawing, legend_below, log_axes, new_figure
+from softlab.plots.core.data import Results, needed
+from softlab.plots.core.style import LONG_LABEL, Drawing, as_figure, legend_below, log_axes, new_figure
 
-TITLE = "Several GPUs"
 LINKS = {"flags": (BLUE, "o"), "nccl": (ORANGE, "s")}
 PER_MILLION = 1e9  # mJ per million mass-steps over J per mass-step
 
@@ -32,11 +31,10 @@ def masses(p: Row) -> int:
     return p.rows * p.columns
 
 
-def draw(results: Results) -> Drawing | str:
+@as_figure("gpus", "Several GPUs", "no sheet was timed on several GPUs (softlab sweep --gpus 2)")
+def draw(results: Results) -> Drawing:
     """Return the figure, or the reason why there is none."""
-    chosen = on_backends(results, timed_shared)
-    if not chosen:
-        return "no sheet was timed on several GPUs (softlab sweep --gpus 2)"
+    chosen = needed(on_backends(results, timed_shared))
     measured: Sequence[Row] = chosen[0][2]
     figure, (faster, joules) = new_figure(2, 2.2, sharey=False)
     _draw_faster(faster, measured)
@@ -55,7 +53,7 @@ def draw(results: Results) -> Drawing | str:
         "cloth of constraints (XPBD by colours); and a grid for each GPU, all of it so large, over one GPU's rate with one. "
         "Dashed: the model. Right: what all of them take of energy (grey: one GPU)."
     )
-    return Drawing(figure, TITLE, caption, sources_of(chosen))
+    return Drawing(figure, caption, sources_of(chosen))
 
 
 def _draw_faster(ax: Any, measured: Sequence[Row]) -> None:

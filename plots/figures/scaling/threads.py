@@ -7,9 +7,16 @@ from collections.abc import Callable, Mapping
 from softlab.bench.store.results import Timing
 from softlab.plots.core.colours import GREY
 from softlab.plots.core.data import THREAD_WORDS, Results, Source, sound
-from softlab.plots.core.style import THREADS, Drawing, draw_times, legend_below, log_axes, panels, plain_ticks
-
-TITLE = "Thread scaling"
+from softlab.plots.core.style import (
+    THREADS,
+    Drawing,
+    as_figure,
+    draw_times,
+    legend_below,
+    log_axes,
+    panels,
+    plain_ticks,
+)
 
 
 def baseline(source: Source) -> str | None:
@@ -17,7 +24,8 @@ def baseline(source: Source) -> str | None:
     return next((word for word in ("1", "1x") if source.select("cpu", word)), None)
 
 
-def draw(results: Results) -> Drawing | str:
+@as_figure("thread-scaling", "Thread scaling", "fewer than two thread counts were timed")
+def draw(results: Results) -> Drawing:
     """Return the figure, or the reason why there is none."""
 
     def compares(source: Source) -> bool:
@@ -25,8 +33,6 @@ def draw(results: Results) -> Drawing | str:
         return base is not None and any(word != base and source.select("cpu", word) for word in THREAD_WORDS)
 
     figure, chosen = panels(results, compares)
-    if figure is None:
-        return "fewer than two thread counts were timed"
     times: list[Timing] = []
     words = set()
     for ax, source in chosen:
@@ -50,7 +56,7 @@ def draw(results: Results) -> Drawing | str:
         f"Speed-up of more threads against {against} at the same size, float32, square grids ({cores}); above 1 is "
         f"faster."
     )
-    return Drawing(figure, TITLE, caption, tuple(sources))
+    return Drawing(figure, caption, tuple(sources))
 
 
 def _speed_up(bases: Mapping[tuple[int, int], Timing]) -> Callable[[Timing, float], float]:
