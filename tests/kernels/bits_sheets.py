@@ -15,8 +15,7 @@ from cloth_scenes import PARTS, POKE, cloth_scene
 from contact_scenes import folded
 from field_scenes import FALLING
 from flow_scenes import FLOWS
-from fluid_scenes import SCENES as FLUIDS
-from fluid_scenes import in_a_cup, shaken
+from fluid_scenes import in_a_cup
 from tetrahedra_scenes import through
 from xpbd_scenes import poke_of, xpbd_scene
 
@@ -313,9 +312,14 @@ def constraints() -> Iterator[Row]:
             scene = sheet(name, ordering, substeps=2, iterations=2)
             usual = {SIMULATOR: SINGLE if name in ("net", "rigid", "bodies", "held") or ordering == "jacobi" else ()}
             yield Row(f"sheet {name} {ordering}", scene, {SIMULATOR: 2}, kernels=(*LAUNCHED, *tiled), usual=usual)
+    live = (
+        ("gravity", "gravity.acceleration", 3.0), ("dt", "method.dt", 0.002), ("damping", "damping.coefficient", 0.05),
+        ("stiffness", "structural.stiffness", 300.0), ("wind", "wind.velocity", [0.0, 0.0, 9.0]),
+    )  # fmt: skip
+    yield Row("sheet live", sheet("air", "gauss-seidel", iterations=2), {CPU: 6}, later=live, usual={CPU: DOUBLE})
     live = (("gravity", "gravity.enabled", False), ("dt", "method.dt", 0.003))
     scene = sheet("springs", "gauss-seidel", rows=20, columns=20)
-    yield Row("sheet live", scene, {GPU: 33}, later=live, kernels=("tiled", "one-block"), usual={GPU: SINGLE})
+    yield Row("sheet live on a GPU", scene, {GPU: 33}, later=live, kernels=("tiled", "one-block"), usual={GPU: SINGLE})
     alone = xpbd_scenes.PARTS["springs"] | {"method": xpbd_scenes.METHOD | {"ordering": "jacobi", "iterations": 1}}
     for body in ("floor", "ball", "rod", "block"):
         yield Row(
@@ -426,12 +430,9 @@ def fluids() -> Iterator[Row]:
         small = {} if "many" in name else {SIMULATOR: 1}
         usual = {SIMULATOR: PRECISIONS if small and name not in ("cup", "few") else ()}
         yield Row(f"fluid {name}", make, small | {GPU: 20}, of.stirred, reads=("pressure",), usual=usual)
-    for name, make in FLUIDS.items():
-        usual = {CPU: () if "free" in name or name == "cup" else DOUBLE}
-        yield Row(f"fluid {name} on threads", make, {CPU: 2}, shaken, reads=("pressure",), usual=usual)
     for name, make in FLOWS.items():
-        usual = {CPU: DOUBLE if name != "tap" else (), SIMULATOR: PRECISIONS if name != "tap" else ()}
-        yield Row(f"flow {name}", make, {CPU: 6, SIMULATOR: 4, GPU: 20}, usual=usual)
+        usual = {SIMULATOR: PRECISIONS if name != "tap" else ()}
+        yield Row(f"flow {name}", make, {SIMULATOR: 4, GPU: 20}, usual=usual)
 
 
 # ---------------------------------------------------------------------- the catalogue
