@@ -8,14 +8,14 @@ from typing import Any
 
 import cloth_scenes
 import release_scenes
-import small_fluids
 import xpbd_scenes
 from bits_row import CPU, GPU, LAUNCHED, ONE, PRECISIONS, SIMULATOR, STAGES, Row
 from cloth_scenes import PARTS, POKE, cloth_scene
 from contact_scenes import folded
 from field_scenes import FALLING
 from flow_scenes import FLOWS
-from fluid_scenes import in_a_cup
+from fluid_scenes import SCENES as FLUIDS
+from fluid_scenes import shaken
 from tetrahedra_scenes import through
 from xpbd_scenes import poke_of, xpbd_scene
 
@@ -411,25 +411,23 @@ def touching_sheets() -> Iterator[Row]:
 # ---------------------------------------------------------------------- fluids
 
 
+def flung(scene: Scene) -> State:
+    """A particle a thousand metres away, where the table of cells cannot reach with cells of the support."""
+    state = shaken(scene)
+    state.position[5] = 1000.0, 900.0, -800.0
+    return state
+
+
 def fluids() -> Iterator[Row]:
-    of, cup = small_fluids, in_a_cup
-
-    def flung(scene: Scene) -> State:
-        """A particle a thousand metres away, where the table of cells cannot reach with cells of the support."""
-        state = of.stirred(scene)
-        state.position[5] = 1000.0, 900.0, -800.0
-        return state
-
-    yield Row("fluid flung", of.few, {SIMULATOR: 1, GPU: 3}, flung, kernels=("launch",), usual={SIMULATOR: DOUBLE})
-    scenes = {
-        "rich": of.rich, "flat": of.flat, "averaged": partial(of.flat, scheme="averaged"), "few": of.few, "cup": cup,
-        "free rich": lambda: of.free(of.rich()), "free flat": partial(of.flat, scheme="divergence-free"),
-        "free many": partial(of.few, (1.0, 0.5, 0.75), scheme="divergence-free"), "many": partial(of.few, (1.0, 0.5, 0.75)),
-    }  # fmt: skip
-    for name, make in scenes.items():
-        small = {} if "many" in name else {SIMULATOR: 1}
-        usual = {SIMULATOR: PRECISIONS if small and name not in ("cup", "few") else ()}
-        yield Row(f"fluid {name}", make, small | {GPU: 20}, of.stirred, reads=("pressure",), usual=usual)
+    for name, make in FLUIDS.items():
+        small = {} if "column" in name or name == "free cup" else {SIMULATOR: 1}
+        usual = {SIMULATOR: PRECISIONS if "flat" in name else SINGLE if name != "cup" else ()}
+        yield Row(f"fluid {name}", make, small | {GPU: 20}, shaken, reads=("pressure",), usual=usual)
+    for scheme in ("macklin", "divergence-free"):
+        scene = partial(of_catalogue, "dam-break", {"method.scheme": scheme})
+        yield Row(f"fluid dam {scheme}", scene, {GPU: 10}, usual={GPU: SINGLE})
+    few = {SIMULATOR: 1, GPU: 3}
+    yield Row("fluid flung", FLUIDS["averaged"], few, flung, kernels=("launch",), usual={SIMULATOR: DOUBLE})
     for name, make in FLOWS.items():
         usual = {SIMULATOR: PRECISIONS if name != "tap" else ()}
         yield Row(f"flow {name}", make, {SIMULATOR: 4, GPU: 20}, usual=usual)

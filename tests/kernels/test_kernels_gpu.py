@@ -10,7 +10,6 @@ from typing import Any
 import bodies_scenes
 import numpy as np
 import pytest
-import small_fluids
 from bits_row import GPU, ONE, PRECISIONS, Row, different
 from bits_rows import wide_grid
 from bits_sheets import BUSY, DOUBLE, ORDERINGS, SINGLE, UNSTABLE, cloth, grid, sheet, with_one_force
@@ -121,7 +120,7 @@ def test_implicit_steps_in_fast_math_are_solved_as_far() -> None:
 REPEATED: dict[str, Row] = {  # buckets and cells are filled in whatever order threads come: no sum may show it
     "particles that meet": Row("", partial(meeting, 2, 1, copies=15, sweeps=1), {GPU: 30}),
     "a cloth that meets itself": Row("", lambda: load_scene("cloth-self"), {GPU: 60}),
-    "fluid": Row("", partial(small_fluids.few, (1.0, 0.5, 0.75)), {GPU: 20}, small_fluids.stirred),
+    "fluid": Row("", lambda: load_scene("dam-break"), {GPU: 10}),
     **{f"implicit bar of {across}": Row("", partial(bar, across), {GPU: 5}, shaken) for across in (2, 4, 8)},
 }
 
@@ -146,7 +145,7 @@ READ: dict[str, tuple[Callable[[], Scene], tuple[str, ...]]] = {
     "cloth": (lambda: cloth_scene("springs", "velocity-verlet", rows=33, columns=35), PRECISIONS),
     "sheet": (lambda: xpbd_scene("springs", rows=33, columns=35), DOUBLE),
     "grid of constraints": (lambda: xpbd_scene("grid", rows=33, columns=35), DOUBLE),
-    "fluid": (partial(small_fluids.few, (1.0, 0.5, 0.75)), SINGLE),
+    "fluid": (lambda: load_scene("dam-break"), SINGLE),
     **{name: (make, PRECISIONS) for name, make in FLOWS.items()},
 }
 

@@ -1,6 +1,5 @@
 """The cloth on CPU threads: one answer from both kernels, for every number of threads and however steps are batched."""
 
-import numba
 import numpy as np
 import pytest
 from cloth_scenes import BODIES, POKE, cloth_scene
@@ -13,6 +12,7 @@ from softlab.model.core.integrators import INTEGRATORS
 from softlab.model.core.simulation import State
 from softlab.model.geometry.normals import vertex_normals
 from softlab.model.scene.scene import Scene
+
 
 def table(rows=5, columns=7, integrator="semi-implicit-euler", dt=0.002, **parts):
     """A flat sheet of 0.1 m cells, crumpled by a tenth of that, pinned at its far corners, with the parts named."""

@@ -107,7 +107,7 @@ DESCENT: tuple[Mistake, ...] = (
     ),
     *in_file(
         "model/tetrahedra/descent.py",
-        "test_partitions.py::test_vertex_block_descent_has_the_bits_of_one",
+        "test_shares.py::test_shares_have_the_bits_of_one[bar-by-vertices]",
         {"a part's vertices name tetrahedra of the whole": ("CORNERS * np.searchsorted(inside, entries // CORNERS) + entries % CORNERS", "entries")},
     ),
 )  # fmt: skip
