@@ -6,7 +6,7 @@ from .mistake import Mistake, in_file
 
 GRID = "test_cpu_reference.py::test_each_kick_takes_the_random_force_of_its_own_step_and_pins_stay_at_rest test_cpu_reference.py::test_odd_grids_free test_cpu_reference.py::test_odd_grids_pinned"
 BITS = "simulator/test_simulated_bits.py::test_kernels_have_the_bits_of_the_cpu"
-SIMULATED_GRID = f"simulator/test_simulated_gpu.py::test_the_first_mass_that_left_the_finite_world_is_found {BITS}[grid-over-blocks-lab-float64] {BITS}[grid-busy-velocity-verlet-float32] {BITS}[grid-busy-rk4-float64] {BITS}[grid-busy-lab-float32]"
+SIMULATED_GRID = f"simulator/test_simulated_gpu.py::test_the_first_mass_that_left_the_finite_world_is_found {BITS}[grid-over-blocks-lab-float64] {BITS}[grid-over-blocks-semi-implicit-euler-float64] {BITS}[grid-busy-velocity-verlet-float32] {BITS}[grid-busy-rk4-float64] {BITS}[grid-busy-lab-float32]"
 SIMULATED_CLOTH = f"{BITS}[cloth-springs-float64] {BITS}[cloth-random-float64] {BITS}[cloth-1x5-float64]"
 SIMULATED_XPBD = f"{BITS}[sheet-rigid-gauss-seidel-float32] {BITS}[sheet-free-jacobi-float32] {BITS}[sheet-gauss-seidel-2x2-float64]"
 
@@ -206,7 +206,7 @@ GPU: tuple[Mistake, ...] = (
     ),
     *in_file(
         "gpu_backend/core/sheet.py",
-        SIMULATED_XPBD,
+        f"{BITS}[grid-over-blocks-semi-implicit-euler-float64]",
         {
             "a launch's threads are turned by a quarter (gpu)": ("np.int32(cuda.blockIdx.y * cuda.blockDim.y + cuda.threadIdx.y),\n        np.int32(cuda.blockIdx.x * cuda.blockDim.x + cuda.threadIdx.x),", "np.int32(cuda.blockIdx.x * cuda.blockDim.x + cuda.threadIdx.x),\n        np.int32(cuda.blockIdx.y * cuda.blockDim.y + cuda.threadIdx.y),"),
         },
