@@ -206,7 +206,7 @@ GPU: tuple[Mistake, ...] = (
     ),
     *in_file(
         "gpu_backend/core/sheet.py",
-        f"{BITS}[grid-over-blocks-semi-implicit-euler-float64]",
+        f"{BITS}[sheet-averaged-jacobi-2x33-float64]",
         {
             "a launch's threads are turned by a quarter (gpu)": ("np.int32(cuda.blockIdx.y * cuda.blockDim.y + cuda.threadIdx.y),\n        np.int32(cuda.blockIdx.x * cuda.blockDim.x + cuda.threadIdx.x),", "np.int32(cuda.blockIdx.x * cuda.blockDim.x + cuda.threadIdx.x),\n        np.int32(cuda.blockIdx.y * cuda.blockDim.y + cuda.threadIdx.y),"),
         },
