@@ -41,15 +41,6 @@ def test_a_folded_strip_that_falls_follows_the_reference(ordering: str) -> None:
     assert np.abs(free.position - position).max() > 1e-3
 
 
-@pytest.mark.parametrize("precision", ["float32", "float64"])
-def test_the_solver_gives_the_same_bits_for_any_number_of_threads(precision: str) -> None:
-    scene = folded(10, 5, layer=4)
-    one = end_state(scene, 5, precision=precision)
-    for threads in (2, 4):
-        other = end_state(scene, 5, precision=precision, threads=threads)
-        assert np.array_equal(one.position, other.position) and np.array_equal(one.velocity, other.velocity)
-
-
 # ---------------------------------------------------------------------- scenes that cannot be
 
 

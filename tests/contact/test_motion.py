@@ -9,7 +9,7 @@ from typing import Any
 import numba
 import numpy as np
 import pytest
-from cloth_scenes import MOTIONS, POKE, cloth_scene
+from cloth_scenes import POKE, cloth_scene
 from cloth_solve import cloth
 
 from softlab.app.driver import open_simulation
@@ -24,7 +24,6 @@ from softlab.model.core.simulation import State
 from softlab.model.formulas import motion
 from softlab.model.scene.scene import Scene
 
-THREADS = [n for n in (1, 2, 3) if n <= numba.config.NUMBA_NUM_THREADS]
 BOTH = pytest.mark.parametrize("real", [np.float32, np.float64])
 
 
@@ -178,26 +177,6 @@ def same(a: State, b: State) -> bool:
     return np.array_equal(a.position, b.position) and np.array_equal(a.velocity, b.velocity)
 
 
-@pytest.mark.parametrize(
-    ("name", "integrator", "precision"),
-    [
-        ("moving", "velocity-verlet", "float32"),
-        ("damped moving", "velocity-verlet", "float32"),
-        ("damped moving", "rk4", "float32"),
-        ("moving", "lab", "float64"),
-    ],
-)
-def test_fused_gives_the_bits_of_the_stages(name: str, integrator: str, precision: str) -> None:
-    scene = cloth_scene(name, integrator)
-    expected = stepped(scene, kernel="stages", precision=precision, threads=1)
-    for threads in THREADS:
-        assert same(stepped(scene, kernel="fused", precision=precision, threads=threads), expected), threads
-    assert same(stepped(scene, (25,), kernel="fused", precision=precision, threads=1), expected)
-    still = Scene({part: table for part, table in scene.as_dict().items() if part not in MOTIONS})
-    moved = stepped(still, kernel="stages", precision=precision, threads=1).position - expected.position
-    assert np.abs(np.delete(moved, build(scene).pinned, axis=0)).max() > 1e-4  # neighbours feel it
-
-
 @pytest.mark.parametrize("integrator", INTEGRATORS)
 def test_the_reference_is_met(integrator: str) -> None:
     """In float64 the two differ by rounding alone: of coordinates of 1 m some ten times a step, and a difference grows no
@@ -207,26 +186,6 @@ def test_the_reference_is_met(integrator: str) -> None:
     position, velocity = reference.simulate(scene, 25, poke=POKE)
     assert np.abs(state.position - position).max() < 7e-13
     assert np.abs(state.velocity - velocity).max() < 7e-13 / scene.method.dt
-
-
-@pytest.mark.parametrize("integrator", ["velocity-verlet", "rk4"])
-def test_a_state_in_the_middle_of_a_motion_continues_bit_for_bit(integrator: str) -> None:
-    """Dampers along springs ask for the velocity of pins, at the first step already; a loaded state has it."""
-    scene = cloth_scene("damped moving", integrator)
-    options = {"precision": "float32", "math": "exact", "threads": 1, "live": ("poke",), "allow_unstable": True}
-    with open_simulation(scene, **options) as simulation:
-        assert simulation.state().velocity[build(scene).pinned].any()  # `spin` moves from the start
-        simulation.advance(4)
-        half = simulation.state()
-        simulation.advance(6)
-        whole = simulation.state()
-        simulation.load(half)
-        assert same(simulation.state(), half)
-        simulation.advance(6)
-        assert same(simulation.state(), whole)
-        simulation.advance(3)
-        simulation.rewind()
-        assert same(simulation.state(), whole)
 
 
 def test_the_interval_in_which_a_state_went_bad_is_replayed_with_its_motions() -> None:

@@ -2,7 +2,6 @@
 
 import dataclasses
 
-import numba
 import numpy as np
 import pytest
 
@@ -14,9 +13,6 @@ from softlab.model.scene.scene import load_scene
 
 NAMES = list(INTEGRATORS)
 PARTS = {"grid.rows": 37, "grid.columns": 29, "external.magnitude": 0.05, "external.seed": 2**40 + 7}
-QUICKER = {"float64": "team", "float32": "tiled"}  # a kernel to hold against `fused`
-
-
 def scene_of(name):
     dt = 0.0003 if name in ("explicit-euler", "taylor") else 0.01
     return load_scene("lab-hammock").replace(PARTS | {"method.integrator": name, "method.dt": dt})
@@ -31,58 +27,6 @@ def stepped(scene, batches=(40,), **options) -> State:
 
 def same(a: State, b: State) -> bool:
     return np.array_equal(a.position, b.position) and np.array_equal(a.velocity, b.velocity)
-
-
-@pytest.mark.parametrize("precision", ["float64", "float32"])
-@pytest.mark.parametrize("name", NAMES)
-def test_bits_do_not_depend_on_threads_kernel_or_batches(name, precision):
-    """37 x 29 masses divide evenly into no number of bands; random force and a live (unused) poke are in.
-
-    One of the quicker kernels a precision, since every variant costs seconds to compile;
-    tests/mass_spring/test_cpu_kernels.py has more of them.
-    """
-    scene, options = scene_of(name), {"precision": precision, "live": ("poke",)}
-    expected = stepped(scene, threads=1, kernel="fused", **options)
-    quicker = name in ("lab", "velocity-verlet", "semi-implicit-euler") or (name != "rk4" and precision == "float32")
-    options["kernel"] = QUICKER[precision] if quicker else "fused"
-    assert np.isfinite(expected.position).all()
-    most = numba.config.NUMBA_NUM_THREADS
-    for threads in (2, 4, 8):
-        if threads <= most:
-            assert same(stepped(scene, threads=threads, **options), expected), threads
-    assert same(stepped(scene, (1, 2, 0, 7, 30), threads=min(3, most), **options), expected)
-    options["kernel"] = "stages"
-    for threads in (1, min(4, most)):
-        assert same(stepped(scene, threads=threads, **options), expected), ("stages", threads)
-
-
-@pytest.mark.parametrize("precision", ["float64", "float32"])
-@pytest.mark.parametrize("name", ["lab", "velocity-verlet", "rk4"])
-def test_loading_a_state_continues_bit_for_bit(name, precision):
-    """state() holds everything that the next step reads, the random force's step number included."""
-    kernel = "fused" if name == "rk4" else QUICKER[precision]
-    scene, options = scene_of(name), {"precision": precision, "live": ("poke",), "threads": 2, "kernel": kernel}
-    expected = stepped(scene, (40,), **options)
-    middle = stepped(scene, (23,), **options)
-    assert (middle.step, middle.time) == (23, 23 * scene.method.dt)
-    rest = stepped(scene, (17,), initial=middle, **options)
-    assert same(rest, expected)
-    assert rest.step == expected.step == 40
-    assert rest.time == pytest.approx(expected.time, rel=1e-15)
-
-
-def test_reset_starts_over():
-    scene = scene_of("lab")
-    with open_simulation(scene, math="exact", precision="float64", live=("poke",)) as simulation:
-        simulation.advance(10)
-        first = simulation.state()
-        simulation.poke(500, (5.0, 5.0))
-        simulation.advance(5)
-        simulation.poke(None)
-        simulation.reset()
-        assert (simulation.step, simulation.time) == (0, 0.0)
-        simulation.advance(10)
-        assert same(simulation.state(), first)
 
 
 @pytest.mark.parametrize("name", ["lab", "velocity-verlet", "rk4"])

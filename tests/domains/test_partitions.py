@@ -8,17 +8,18 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_shared_tetrahedra import BODIES, alone, driven, scene_of
+from shares import alone, same, shared
+from test_shared_tetrahedra import BODIES, driven, scene_of
 from test_shared_tetrahedra import METHOD as SHARED
+from tetrahedra_scenes import folder
 
 from softlab.app.driver import open_simulation
 from softlab.cpu_backend.domains.in_threads import run_in_threads
-from softlab.cpu_backend.domains.ranks import RankPartitions, on_ranks
+from softlab.cpu_backend.domains.ranks import on_ranks
 from softlab.model.base.errors import SceneError
 from softlab.model.core.families import family_of
 from softlab.model.core.options import Options
 from softlab.model.core.sharing.partitions import SharedMesh, Window, partition
-from softlab.model.core.state import State
 from softlab.model.domains import partitioned
 from softlab.model.scene.scene import Scene, load_scene
 
@@ -37,73 +38,16 @@ def place(n: int) -> dict[str, Any]:
     return {"origin": [0.0, 0.11, float(n)]}
 
 
-def in_partitions(scene: Scene, count: int, steps: int, **options: Any) -> State:
-    """As every rank gathers it; half-way it goes on from a state."""
-
-    def program(ranks: Any) -> State:
-        with on_ranks(scene, Options(math="exact", **options), ranks, 1) as simulation:
-            assert isinstance(simulation, RankPartitions)
-            simulation.advance(steps // 2)
-            simulation.load(simulation.state())
-            simulation.advance(steps - steps // 2)
-            return simulation.state()
-
-    first, *others = run_in_threads(count, program, patience=60)
-    assert all(other.position.tobytes() == first.position.tobytes() for other in others)
-    return first
-
-
-def same(found: State, wanted: State) -> bool:
-    return bool(
-        found.position.tobytes() == wanted.position.tobytes() and found.velocity.tobytes() == wanted.velocity.tobytes()
-    )
-
-
-@pytest.mark.parametrize("count", [2, 3, 4])
-def test_a_bar_has_the_bits_of_one(count: int) -> None:
-    """It is turned at its end."""
-    scene = bars("turned", method=METHOD)
-    assert same(in_partitions(scene, count, 6), alone(scene, 6))
-
-
-@pytest.mark.parametrize("kind", ["hookean", "six", "wholes", "single"])
-def test_a_bar_of_every_kind_has_the_bits_of_one(kind: str) -> None:
-    """Of every material, order of sweeps and kind of damping; it falls. Multipliers are kept through two iterations, but of
-    single tetrahedra, whose 32 colours reach twice as far."""
-    scene = bars(kind, method=METHOD if kind == "single" else SHARED)
-    assert same(in_partitions(scene, 3, 6), alone(scene, 6))
-
-
-def test_several_bars_are_cut_where_shares_are_more() -> None:
-    """Five shares of two bars, of which one has parts of both."""
-    scene = bars("turned", method=METHOD, second=BODIES["turned"] | LONG | place(1))
-    assert same(in_partitions(scene, 5, 4), alone(scene, 4))
-
-
-def test_vertex_block_descent_has_the_bits_of_one() -> None:
-    """Colours of vertices are those that they have among all; accelerated."""
-    scene = bars("turned", method=DESCENT | {"substeps": 1})
-    assert same(in_partitions(scene, 3, 2), alone(scene, 2))
-
-
-def test_vertices_that_sleep_have_the_bits_of_one() -> None:
-    """Those slower than a metre a second, as their neighbours are."""
-    scene = bars("turned", method=METHOD | {"sleeping_speed": 1.0})
-    assert same(in_partitions(scene, 4, 6), alone(scene, 6))
-
-
-@METHODS
-def test_a_mesh_in_any_order_has_the_bits_of_one(method: dict[str, Any], tmp_path: Path) -> None:
+def bar_in_any_order(method: dict[str, Any]) -> Scene:
     """A bar whose vertices and tetrahedra are numbered at random, and whose vertices lie a tenth of an edge off a lattice."""
-    order, file, lattice = np.random.default_rng(0), tmp_path / "bar.npz", bars("turned", method=METHOD)
+    order, file, lattice = np.random.default_rng(0), Path(folder().name) / "bar.npz", bars("turned", method=METHOD)
     found = lattice.tetrahedra_set
     numbers = order.permutation(found.particle_count)
     position = np.empty_like(found.mesh_position)
     position[numbers] = found.mesh_position + order.uniform(-0.01, 0.01, found.mesh_position.shape)
     np.savez(file, position=position, tetrahedra=order.permutation(numbers[found.tetrahedra]))
     bar = {"kind": "tetrahedral_body", "file": str(file), "young_modulus": 1e4, "pinned": ["left"]}
-    scene = scene_of("turned", turned=bar, method=method)
-    assert same(in_partitions(scene, 2, 4), alone(scene, 4))
+    return scene_of("turned", turned=bar, method=method)
 
 
 def test_a_force_on_a_vertex_reaches_every_window_that_holds_it() -> None:
@@ -139,9 +83,9 @@ def test_a_halo_that_lacks_its_last_layer_is_told_by_the_bits(
         return cut(replace(mesh, window=window), count, option)
 
     wanted = alone(scene, 6)
-    assert same(in_partitions(scene, 2, 6), wanted)
+    assert same(shared(scene, 2, 6)[0], wanted)
     monkeypatch.setattr(partitioned, "partition", thinner)
-    assert not same(in_partitions(scene, 2, 6), wanted)
+    assert not same(shared(scene, 2, 6)[0], wanted)
 
 
 def test_a_bad_vertex_is_told_by_its_number_in_the_whole() -> None:
@@ -182,11 +126,3 @@ def test_partitions_exchange_once_a_substep() -> None:
     assert sum(len(message.to_places) for message in cut.messages) == held - 189
     with pytest.raises(SceneError, match="once a substep"):
         partitioned.partitions(load_scene("fem-cantilever"), 2, 4, "--ranks")
-
-
-@pytest.mark.parametrize("solver", ["xpbd", "vbd"])
-def test_partitions_have_the_bits_of_one_after_hundreds_of_steps(solver: str) -> None:
-    """The gate: bars fall, lie on the ground from the sixth step on, and one is turned all the while."""
-    names = [name for name in BODIES if solver == "xpbd" or name != "wholes"]
-    scene = bars(*names, method=METHOD | {"solver": solver, "substeps": 4})
-    assert same(in_partitions(scene, len(names) + 2, 240), alone(scene, 240))

@@ -1,8 +1,8 @@
 """A grid on several CPU ranks has the bits of one, whatever it is made of and however many they are; threads stand in for
 processes here, which test_mpi.py runs."""
 
-import numpy as np
 import pytest
+from shares import alone, same, shared
 
 from softlab.app.driver import open_simulation
 from softlab.cpu_backend.domains.in_threads import Meeting, ThreadRanks, run_in_threads
@@ -28,63 +28,6 @@ def scene_of(name, rows=16, columns=5):
     return load_scene("lab-grid").replace(settings)
 
 
-def alone(scene, steps, **options):
-    with open_simulation(scene, threads=1, math="exact", **options) as simulation:
-        simulation.advance(steps)
-        return simulation.state()
-
-
-def shared(scene, count, steps, every=None, advances=1, **options):
-    """The states that each rank gathered."""
-
-    def program(ranks):
-        with RankSimulation(scene, Options(math="exact", **options), ranks, 1, every) as simulation:
-            for _ in range(advances):
-                simulation.advance(steps // advances)
-            return simulation.state()
-
-    return run_in_threads(count, program, patience=60)
-
-
-def same(found, wanted):
-    assert np.array_equal(found.position, wanted.position)
-    assert np.array_equal(found.velocity, wanted.velocity)
-    assert (found.step, found.time) == (wanted.step, wanted.time)
-
-
-@pytest.mark.parametrize("name", SCENES)
-@pytest.mark.parametrize("count", [2, 3])
-def test_ranks_have_the_bits_of_one(name, count):
-    scene = scene_of(name)
-    wanted = alone(scene, 24)
-    for found in shared(scene, count, 24):
-        same(found, wanted)
-
-
-@pytest.mark.parametrize("every", [1, 2, 5])
-def test_how_often_they_exchange_is_of_no_matter(every):
-    """7 steps are no multiple of it, and end with an exchange all the same."""
-    scene = scene_of("verlet", rows=26)
-    wanted = alone(scene, 14)
-    for found in shared(scene, 3, 14, every, advances=2):
-        same(found, wanted)
-
-
-def test_a_row_each_is_the_smallest_share():
-    scene = scene_of("lab", rows=4)
-    for found in shared(scene, 4, 10):
-        same(found, alone(scene, 10))
-    with pytest.raises(SceneError, match="at most 4"):
-        shared(scene, 5, 1)
-
-
-def test_float64_and_the_kernel_by_stages():
-    scene = scene_of("random")
-    wanted = alone(scene, 6, precision="float64")
-    for found in shared(scene, 2, 6, precision="float64", kernel="stages"):
-        same(found, wanted)
-
-
 def test_a_force_held_on_one_mass_reaches_its_window():
     scene = scene_of("lab")
 
@@ -105,7 +48,7 @@ def test_a_force_held_on_one_mass_reaches_its_window():
         one.advance(5)
         wanted = one.state()
     for found in run_in_threads(2, program, patience=60):
-        same(found, wanted)
+        assert same(found, wanted)
 
 
 def test_they_diverge_where_one_does():
@@ -118,20 +61,6 @@ def test_they_diverge_where_one_does():
     assert (of_two.value.step, of_two.value.particle) == (of_one.value.step, of_one.value.particle)
 
 
-def test_a_state_is_loaded_and_goes_on():
-    scene = scene_of("verlet")
-    first, wanted = alone(scene, 8), alone(scene, 16)
-
-    def program(ranks):
-        with RankSimulation(scene, Options(math="exact"), ranks, 1) as simulation:
-            simulation.load(first)
-            simulation.advance(8)
-            return simulation.state()
-
-    for found in run_in_threads(2, program, patience=60):
-        same(found, wanted)
-
-
 def test_a_lost_rank_is_an_error_and_no_hang():
     """Rank 1 never comes: rank 0's first wait for it ends, and says so."""
     scene, meeting = scene_of("lab"), Meeting(2, patience=0.2)
@@ -142,22 +71,27 @@ def test_a_lost_rank_is_an_error_and_no_hang():
         simulation.advance(1)
 
 
-@pytest.mark.parametrize(
-    "name, integrator, halo",
-    [
-        ("cloth-hanging", "velocity-verlet", 4),  # springs against bending reach two rows; a step and its end
-        ("cloth-wind", "velocity-verlet", 4),  # kicks that do not meet: forces twice in a step
-        ("cloth-sphere", "semi-implicit-euler", 2),
-        ("cloth-wind", "rk4", 8),
-    ],
-)
-def test_a_cloth_has_the_bits_of_one(name, integrator, halo):
+CLOTHS = [  # scene, integrator, rows of halo
+    ("cloth-hanging", "velocity-verlet", 4),  # springs against bending reach two rows; a step and its end
+    ("cloth-wind", "velocity-verlet", 4),  # kicks that do not meet: forces twice in a step
+    ("cloth-sphere", "semi-implicit-euler", 2),
+    ("cloth-wind", "rk4", 8),
+]
+
+
+def cloth_of(name, integrator):
     settings = {"cloth.rows": 17, "cloth.columns": 5, "method.integrator": integrator, "method.dt": 1e-4}
-    scene = load_scene(name).replace(settings)
-    wanted = alone(scene, 8)
-    for found in shared(scene, 2, 8, every=1):
-        same(found, wanted)
-    assert cut(scene, 2, 1, "--ranks").halo == halo
+    return load_scene(name).replace(settings)
+
+
+@pytest.mark.parametrize("name, integrator, halo", CLOTHS)
+def test_how_far_a_step_of_a_cloth_reads(name, integrator, halo):
+    assert cut(cloth_of(name, integrator), 2, 1, "--ranks").halo == halo
+
+
+def test_a_row_each_is_the_smallest_share():
+    with pytest.raises(SceneError, match="at most 4"):
+        shared(scene_of("lab", rows=4), 5, 1)
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from shares import alone, same, shared
 
 from softlab.app.driver import open_simulation
 from softlab.cpu_backend.domains.in_threads import run_in_threads
@@ -16,7 +17,7 @@ from softlab.model.base.errors import Diverged, SceneError
 from softlab.model.core.options import Options
 from softlab.model.core.sharing.bodies import Apart, divide
 from softlab.model.core.simulation import State
-from softlab.model.scene.scene import Scene, load_scene
+from softlab.model.scene.scene import Scene
 
 BOX = {"shape": {"name": "box", "sides": [0.2, 0.2, 0.2], "resolution": 2}, "particle_spacing": 0.1}
 PLANE = {"kind": "plane", "point": [0.0, 0.0, 0.0], "normal": [0.0, 1.0, 0.0], "velocity": [0.0, 0.1, 0.0]}
@@ -38,50 +39,6 @@ def scene_of(*names: str, **more: Any) -> Scene:
     """Those bodies, a little above the ground, which comes up to meet them."""
     parts = {name: BODIES[name] | {"origin": [1.5 * n, 0.14, 0.0]} for n, name in enumerate(names or BODIES)}
     return Scene({**parts, "ground": PLANE | {"restitution": 0.5}, "gravity": {}, "method": METHOD} | more)
-
-
-def alone(scene: Scene, steps: int, **options: Any) -> State:
-    with open_simulation(scene, threads=1, math="exact", **options) as simulation:
-        simulation.advance(steps)
-        return simulation.state()
-
-
-def shared(scene: Scene, count: int, steps: int, **options: Any) -> list[State]:
-    """What each rank gathered."""
-
-    def program(ranks: Any) -> State:
-        with on_ranks(scene, Options(math="exact", **options), ranks, 1) as simulation:
-            simulation.advance(steps // 2)
-            simulation.advance(steps - steps // 2)
-            return simulation.state()
-
-    return run_in_threads(count, program, patience=60)
-
-
-def same(found: State, wanted: State) -> None:
-    """To the bit."""
-    for name in ("position", "velocity", "rotation", "plastic", "inverse_mass"):
-        one, other = getattr(found, name), getattr(wanted, name)
-        assert (one is None) == (other is None), name
-        assert one is None or one.tobytes() == other.tobytes(), name
-    assert (found.step, found.time) == (wanted.step, wanted.time)
-
-
-@pytest.mark.parametrize("count", [3, 4, 7])
-def test_bodies_of_every_kind_have_the_bits_of_one(count: int) -> None:
-    """Seven and a spare one, on the ground within 8 steps: rigid ones come off as wholes, clay creeps."""
-    scene = scene_of()
-    wanted = alone(scene, 8)
-    assert wanted.plastic is not None and np.abs(wanted.plastic - np.eye(3)).max() > 1e-3  # and so it has been pressed
-    for found in shared(scene, count, 8):
-        same(found, wanted)
-
-
-def test_float64_and_the_kernel_by_stages() -> None:
-    scene = scene_of("soft", "block")
-    wanted = alone(scene, 2, precision="float64")
-    for found in shared(scene, 2, 2, precision="float64", kernel="stages"):
-        same(found, wanted)
 
 
 def driven(simulation: Any, poked: int) -> tuple[State, np.ndarray, np.ndarray]:
@@ -110,7 +67,7 @@ def test_what_is_done_to_bodies_reaches_their_shares() -> None:
     one = driven(open_simulation(scene, threads=1, math="exact", live=live), poked)
     options = Options(math="exact", live=live)
     for found in run_in_threads(2, lambda ranks: driven(RankBodies(scene, options, ranks, 1), poked), patience=60):
-        same(found[0], one[0])
+        assert same(found[0], one[0])
         assert all(mine.tobytes() == other.tobytes() for mine, other in zip(found[1:], one[1:], strict=True))
 
 
@@ -169,11 +126,3 @@ def test_no_share_is_heavier_than_a_fair_one_and_a_body(weights: list[int], data
     assert [n for share in shares for n in range(share.first, share.end)] == list(range(len(weights)))
     assert all(share.end > share.first and share.weight == sum(weights[share.first : share.end]) for share in shares)
     assert max(share.weight for share in shares) <= sum(weights) / count + max(weights)
-
-
-def test_a_catalogue_scene_has_the_bits_of_one_after_500_steps() -> None:
-    """The gate: clay, putty and jelly, on the ground after fifty steps, in two shares and in four."""
-    scene = load_scene("plastic")
-    wanted = alone(scene, 500)
-    for found in (*shared(scene, 2, 500), *shared(scene, 4, 500)):
-        same(found, wanted)

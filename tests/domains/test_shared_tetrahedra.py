@@ -45,46 +45,6 @@ def scene_of(*names: str, **more: Any) -> Scene:
     return Scene({**parts, **moved, "ground": ground, "gravity": {}, "method": METHOD, **more})
 
 
-def alone(scene: Scene, steps: int, **options: Any) -> State:
-    with open_simulation(scene, threads=1, math="exact", **options) as simulation:
-        simulation.advance(steps)
-        return simulation.state()
-
-
-def same_in_shares(scene: Scene, count: int, steps: int, **options: Any) -> None:
-    """Whatever ranks gather has the bits of one, also where it goes on from a state."""
-
-    def program(ranks: Any) -> State:
-        with on_ranks(scene, Options(math="exact", **options), ranks, 1) as simulation:
-            simulation.advance(steps // 2)
-            simulation.load(simulation.state())
-            simulation.advance(steps - steps // 2)
-            return simulation.state()
-
-    wanted = alone(scene, steps, **options)
-    for found in run_in_threads(count, program, patience=60):
-        for one, other in ((found.position, wanted.position), (found.velocity, wanted.velocity)):
-            assert one.tobytes() == other.tobytes()
-
-
-@pytest.mark.parametrize("count", [2, 3, 4, 7])
-def test_bodies_of_every_kind_have_the_bits_of_one(count: int) -> None:
-    same_in_shares(scene_of(), count, 4)
-
-
-@pytest.mark.parametrize("chebyshev", [0.0, 0.9])
-def test_vertex_block_descent_has_the_bits_of_one(chebyshev: float) -> None:
-    """Colours of vertices are those that they have among all."""
-    names = [name for name in BODIES if name != "wholes"]
-    method = METHOD | {"solver": "vbd", "iterations": 3, "substeps": 1, "chebyshev": chebyshev}
-    same_in_shares(scene_of(*names, method=method), 4, 2)
-
-
-def test_bodies_that_sleep_have_the_bits_of_one() -> None:
-    """Vertices slower than a metre a second keep their places; what was slow before is a state's to tell."""
-    same_in_shares(scene_of("turned", "hookean", "single", method=METHOD | {"sleeping_speed": 1.0}), 2, 4)
-
-
 def driven(poked: int, simulation: Any) -> State:
     """As a force on that vertex leaves it, which is let go when gravity is switched off."""
     with simulation:
@@ -130,10 +90,3 @@ def test_targets_are_of_all_pinned_vertices() -> None:
     options = Options(live=frozenset({"targets"}))
     with pytest.raises(SceneError, match="targets"):
         run_in_threads(2, lambda ranks: on_ranks(scene_of(), options, ranks, 1), patience=5)
-
-
-@pytest.mark.parametrize("solver", ["xpbd", "vbd"])
-def test_bodies_have_the_bits_of_one_after_hundreds_of_steps(solver: str) -> None:
-    """The gate: they fall, come to rest, and one is turned all the while."""
-    names = [name for name in BODIES if solver == "xpbd" or name != "wholes"]
-    same_in_shares(scene_of(*names, method=METHOD | {"solver": solver, "substeps": 4}), 3, 300)

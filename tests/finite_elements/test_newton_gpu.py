@@ -5,12 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from newton_scenes import bar, end_state, shaken
-from tetrahedra_scenes import through
 
 from softlab.app.driver import open_simulation
 from softlab.bench.experiments.tetrahedra import drop, let_go
 from softlab.bench.experiments.tetrahedral.cantilever import SECOND, cantilever, exact_drop
-from softlab.model.scene.scene import load_scene
 
 pytestmark = pytest.mark.gpu
 SETTLED = 300  # frames until a braked bar stands still
@@ -22,27 +20,6 @@ def test_a_bar_comes_within_a_hundredth_at_second_order(across: int) -> None:
     with open_simulation(let_go(cantilever(across, 1e7, SECOND, 1, 1)), "gpu") as simulation:
         moved = drop(simulation, across, 1e7)
     assert moved == pytest.approx(exact_drop(across, 1e7)[1], rel=0.01)
-
-
-def test_a_catalogue_scene_falls_alike() -> None:
-    """In exact math, float32: the same bits after a second, contacts with the floor too; more steps than one launch does."""
-    newton = {"method.solver": "newton", "method.substeps": 1, "method.iterations": 3}
-    scene = through(load_scene("fem-drop")).replace(newton)
-    states = []
-    for backend in ("cpu", "gpu"):
-        with open_simulation(scene, backend, math="exact") as simulation:
-            simulation.advance(70)
-            states.append(simulation.state())
-    assert np.array_equal(states[0].position, states[1].position)
-    assert np.array_equal(states[0].velocity, states[1].velocity)
-
-
-@pytest.mark.parametrize("across", [2, 4, 8])
-def test_two_runs_in_fast_math_give_the_same_bits(across: int) -> None:
-    """Sums have one order, whichever block comes first."""
-    one, other = (end_state(bar(across), "gpu", 5, precision="float32") for _ in range(2))
-    assert one[1] == other[1]
-    assert np.array_equal(one[0].position, other[0].position)
 
 
 @pytest.mark.parametrize("across", [2, 4, 8])

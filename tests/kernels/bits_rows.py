@@ -1,5 +1,5 @@
 """The table of scenes whose states must have the same bits: on any threads, by every kernel, in the CUDA simulator and on
-a GPU, and from a state on the way.
+a GPU, and from a state on the way. Here: solids and worlds; bits_sheets.py: sheets and fluids.
 
 test_bits.py, test_bits_gpu.py and simulator/laws/test_simulated_bits.py have the checks. Scenes are those of each
 family's tests, with every part that the family has.
@@ -7,8 +7,7 @@ family's tests, with every part that the family has.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator
 from functools import partial
 from typing import Any
 
@@ -16,91 +15,26 @@ import beside_scenes
 import bodies_scenes
 import newton_scenes
 import numpy as np
-import pytest
 import surface_scenes
 import tetrahedra_scenes
 import vbd_scenes
 import wet_scenes
 import world_scenes
+from bits_row import CPU, GPU, LAUNCHED, ONE, PRECISIONS, SIMULATOR, STAGES, Row
+from bits_sheets import SHEETS_AND_FLUIDS
 from kinematic_scenes import BAR, CLAMP, CUBE, ENDS, HOOK, LOOSE, SOLVERS, kinematic_scene
 from meeting_bodies import meeting, smooth
+from mesh_scenes import PARTS as MESHES
 from mesh_scenes import POKE as MESH_POKE
 from mesh_scenes import mesh_scene
 from rebound_scenes import among_soft_ones, dropped
 from test_matching import POKE as GRID_POKE
 from test_matching import everything as matched_grid
+from test_matching import jelly
 from test_vbd_contact import on_slope, pair, rest_of
 
-from softlab.app.driver import open_simulation
 from softlab.model.core.state import State
 from softlab.model.scene.scene import Scene
-
-FIELDS = ("position", "velocity", "rotation", "plastic", "inverse_mass")
-PRECISIONS = ("float32", "float64")
-LAUNCHED, ONE, BOTH = ("launch", "stages"), (None,), ("stages", "fused")
-CPU, SIMULATOR, GPU = "cpu", "simulator", "gpu"
-
-
-@dataclass(frozen=True, eq=False)
-class Row:
-    """A scene, and where its bits are compared.
-
-    `steps`: by the place, CPU, SIMULATOR or GPU; it is not run in others. `start`: its first state; `poke`: particle and
-    force [N]; `kernels`: of CUDA, `more` on a GPU as well; `on_cpu`: of the CPU, the same one if CUDA has one alone;
-    `without`: a scene whose end must differ, since it lacks what the row is for. `usual`: precisions by place
-    that run by default, the others by `--rest`.
-    """
-
-    name: str
-    scene: Callable[[], Scene]
-    steps: Mapping[str, int]
-    start: Callable[[Scene], State] | None = None
-    poke: tuple[int, tuple[float, ...]] | None = None
-    kernels: tuple[str | None, ...] = LAUNCHED
-    more: tuple[str, ...] = ("graph",)
-    on_cpu: tuple[str | None, ...] = BOTH
-    without: Callable[[], Scene] | None = None
-    usual: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-
-    def kernels_of(self, place: str) -> tuple[str | None, ...]:
-        """The kernels that are compared at a place."""
-        if self.kernels == ONE:
-            return ONE
-        return {CPU: self.on_cpu, SIMULATOR: self.kernels, GPU: (*self.more, *self.kernels)}[place]
-
-    def ended(self, place: str, backend: str = "cpu", *, parts: tuple[int, ...] = (), scene: Scene | None = None,
-              initial: State | None = None, **options: Any) -> tuple[State, Any]:  # fmt: skip
-        """(state after the steps of a place, what an implicit solver counted), in exact math."""
-        scene = scene or self.scene()
-        begin = initial or (self.start(scene) if self.start else None)
-        live = ("poke",) if self.poke else ()
-        with open_simulation(scene, backend, math="exact", live=live, initial=begin, **options) as simulation:
-            if self.poke:
-                simulation.poke(*self.poke)
-            for steps in parts or (self.steps[place],):
-                simulation.advance(steps)
-            done = getattr(simulation, "done", None)
-            return simulation.state(), None if done is None else list(done)
-
-
-def different(one: State, other: State) -> list[str]:
-    """The arrays of two states whose bits differ."""
-    pairs = {name: (getattr(one, name), getattr(other, name)) for name in FIELDS}
-    return [name for name, (a, b) in pairs.items() if (a is None) != (b is None) or not np.array_equal(a, b)]
-
-
-def cases(place: str) -> list[Any]:
-    """(row, precision) of a place."""
-    return [
-        pytest.param(
-            row, precision, id=f"{row.name}-{precision}".replace(" ", "-"),
-            marks=[] if place == GPU or precision in row.usual.get(place, ()) else [pytest.mark.rest],
-        )
-        for row in ROWS
-        if place in row.steps
-        for precision in PRECISIONS
-    ]  # fmt: skip
-
 
 # ---------------------------------------------------------------------- tetrahedra
 
@@ -136,6 +70,24 @@ def tetrahedra() -> Iterator[Row]:
         held = {"bar": LOOSE, "cube": CUBE, "hook": HOOK | {"compliance": 1e-4 * (solver == "newton")}, "clamp": CLAMP}
         scene, usual = partial(kinematic_scene, solver, **held), {CPU: ("float64",) if solver == "xpbd" else ()}
         yield Row(f"{solver} attached", scene, steps, kernels=kernels, usual=usual)
+    slabs = {SIMULATOR: ("float32",)}
+    for layers in (2, 4, 6):
+        scene, kernels = of.slab_scene, (f"resident:{layers}",)
+        yield Row(f"xpbd slabs of {layers}", scene, {SIMULATOR: 2}, of.moving, kernels=kernels, usual=slabs)
+    for name, changes in (
+        ("damped", {"damping": 0.02}), ("hookean", {"material": "neo-hookean"}),
+        ("corotated", {"tetrahedra": 6, "material": "corotated"}),
+    ):  # fmt: skip
+        scene, usual = partial(of.slab_scene, **changes), {SIMULATOR: ("float64",)}
+        yield Row(f"xpbd slabs {name}", scene, {SIMULATOR: 2}, of.moving, kernels=("resident",), usual=usual)
+    every = partial(of.tetrahedra_scene, "everything once")
+    yield Row("xpbd slabs everything", every, {SIMULATOR: 2}, of.moving, kernels=("resident",), usual=slabs)
+    few = partial(of.moving, apart=1e-3)
+    for across, kernels in ((8, ("resident:2", "resident:4", "resident:14")), (4, ("resident:40",))):
+        scene = partial(of.cantilever, 40, across)  # 20, 10, 3 blocks and one, over thousands of meetings
+        yield Row(f"xpbd slabs across {across}", scene, {GPU: 8}, few, kernels=kernels, more=())
+    scene = partial(of.cantilever, 12, 2, 4, damping=0.02)
+    yield Row("xpbd slabs damped on a GPU", scene, {GPU: 5}, of.moving, kernels=("resident:2",), more=())
     slow = LOOSE | {"origin": [0.0, 0.5, 0.0]}
     tables = {"gravity": {"acceleration": 2.0}, "method": SLEEPING, "slow": slow}
     scene, steps = partial(kinematic_scene, "xpbd", **tables), {CPU: 3, SIMULATOR: 2, GPU: 60}
@@ -202,11 +154,13 @@ def worlds() -> Iterator[Row]:
         steps = {CPU: 3, SIMULATOR: 2 if name == "two on a pinned block" else 1, GPU: 20}  # until they meet
         yield Row(
             f"world {name}", partial(of.world_scene, name), steps, of.moving,
-            on_cpu=("stages",), usual={SIMULATOR: simulated.get(name, ())},
+            on_cpu=STAGES, usual={SIMULATOR: simulated.get(name, ())},
             without=partial(of.world_scene, name, contact=None),
         )  # fmt: skip
     for name in wet_scenes.PARTS:
-        yield Row(f"wet {name}", partial(wet_scenes.wet_scene, name), {GPU: 20}, partial(of.moving, apart=0.001))
+        yield Row(
+            f"wet {name}", partial(wet_scenes.wet_scene, name), {SIMULATOR: 1, GPU: 20}, partial(of.moving, apart=0.001)
+        )
 
 
 # ---------------------------------------------------------------------- bodies of clusters, grids, meshes
@@ -225,6 +179,35 @@ def bodies() -> Iterator[Row]:
         scene = partial(of.of_all_materials, left_out)
         yield Row(f"without {' '.join(left_out)}", scene, {SIMULATOR: 3, GPU: 41}, poke=of.POKE, kernels=("launch",))
     yield Row("lattices", of.blocks, {GPU: 21}, poke=of.POKE)
+    dt = ("dt", "method.dt", 0.02)
+    for name, scene, steps, reads in (
+        ("bodies", partial(of.everything, 1, 1), 5, ("rotation", "centre")),
+        ("all materials", of.of_all_materials, 5, ("rotation", "centre", "deformation", "plastic")),
+        ("lattices", partial(of.blocks, 1, 1, (3, 2, 2), 1), 3, ("rotation", "centre", "deformation")),
+        ("meeting", partial(meeting, 1, 1), 4, ()),
+    ):  # fmt: skip
+        yield Row(
+            f"new step of {name}", scene, {SIMULATOR: steps, GPU: 60}, later=(dt,), kernels=("launch",), reads=reads,
+            usual={SIMULATOR: ("float64",)},
+        )  # fmt: skip
+    yield Row(
+        "without a volume", partial(of.by_hand, of.degenerate()), {SIMULATOR: 2, GPU: 10}, pushed, kernels=("launch",)
+    )
+    fallen = partial(
+        of.bodies_scene, plane={"point": [0.0, 0.0, 0.0], "thickness": 0.05}, contact={}, method=of.method(2, 1, 1 / 60),
+        body=of.block((4, 4, 4), 1, copies=(2, 2, 1), apart=(0.3, 0.41, 0.0), spare=1, origin=[0.0, 0.2, 0.0]),
+    )  # fmt: skip
+    yield Row("lattices that meet", fallen, {GPU: 60})
+    soft = {"cluster_stiffness": 4000.0}
+    aside = of.block((2, 3, 1), 1, origin=[0.06, 0.29, 0.02], velocity=[0.5, -4.0, 0.0], **soft)
+    rough, smooth_ones = (
+        partial(
+            of.bodies_scene, one=of.block((2, 3, 1), 1, **soft), other=aside, gravity=0.0, method=of.method(2, 1),
+            contact={"static_friction": friction, "dynamic_friction": friction},
+        )
+        for friction in (0.5, 0.0)
+    )  # fmt: skip
+    yield Row("friction on lattices", rough, {SIMULATOR: 2}, without=smooth_ones, usual={SIMULATOR: ("float32",)})
     for substeps, counts, region, where in (
         (1, (4, 3, 3), 1, {SIMULATOR: 2}),
         (1, (3, 4, 1), 2, {SIMULATOR: 2}),
@@ -241,15 +224,26 @@ def bodies() -> Iterator[Row]:
     ):  # fmt: skip
         scene = partial(matched_grid, region, substeps, iterations)
         yield Row(f"matching {region} {substeps} {iterations}", scene, where, poke=GRID_POKE)
+    whole = partial(jelly, 2, 3, method__region=3, grid__pinned="none", perturbation__amplitude=0.1)
+    yield Row(
+        "matching larger than the grid", whole, {SIMULATOR: 7}, kernels=("launch",), usual={SIMULATOR: ("float64",)}
+    )
     for region, substeps, iterations in ((1, 1, 1), (1, 2, 3), (3, 2, 2)):
         scene = partial(wide_grid, region, substeps, iterations)
         yield Row(f"matching wide {region} {substeps} {iterations}", scene, {GPU: 100}, poke=GRID_POKE)
-    for name in ("held", "dihedral", "distances", "rigid", "pbd"):
+    for name in (*MESHES, "held"):
         usual = {CPU: ("float64",), SIMULATOR: ("float32",)} if name == "held" else {}
-        usual |= {SIMULATOR: ("float64",)} if name == "distances" else {}
+        usual |= {SIMULATOR: ("float64",)} if name in ("distances", "volume", "everything") else {}
+        usual |= {SIMULATOR: ("float32",)} if name in ("bare", "isometric") else {}
         yield Row(
             f"mesh {name}", partial(mesh_scene, name), {CPU: 4, SIMULATOR: 2, GPU: 40}, poke=MESH_POKE, usual=usual
         )
+
+
+def pushed(scene: Scene) -> State:
+    """Its start, with every particle moved."""
+    position = scene.body_set.position
+    return bodies_scenes.start(scene, position + np.random.default_rng(2).normal(0, 0.03, position.shape))
 
 
 def wide_grid(region: int, substeps: int, iterations: int) -> Scene:
@@ -304,6 +298,7 @@ def bouncing() -> Iterator[Row]:
     few = {SIMULATOR: ("float32",)}
     yield Row("meeting", meeting, {GPU: 60}, poke=bodies_scenes.POKE)
     yield Row("meeting once", partial(meeting, 2, 1), {SIMULATOR: 2}, usual={SIMULATOR: ("float64",)})
+    yield Row("a crowd", partial(meeting, 2, 1, copies=15, sweeps=1), {GPU: 30})  # the table's sums take several chunks
     yield Row("many meet", partial(meeting, 1, 1, copies=3, sweeps=1), {GPU: 60})
     yield Row("crowded", partial(meeting, 2, 1, copies=5), {CPU: 2}, usual={CPU: ("float32",)})
     yield Row("smooth", partial(smooth, 1, 2), {SIMULATOR: 2, GPU: 60})
@@ -320,4 +315,4 @@ def bouncing() -> Iterator[Row]:
 
 
 FAMILIES = tetrahedra, by_vertices, newton, surfaces, worlds, bodies, touching
-ROWS: tuple[Row, ...] = tuple(row for family in FAMILIES for row in family())
+ROWS: tuple[Row, ...] = (*(row for family in FAMILIES for row in family()), *SHEETS_AND_FLUIDS)

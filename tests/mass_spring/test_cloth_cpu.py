@@ -1,6 +1,5 @@
 """The cloth on CPU threads: one answer from both kernels, for every number of threads and however steps are batched."""
 
-import numba
 import numpy as np
 import pytest
 from cloth_scenes import BODIES, POKE, cloth_scene
@@ -13,9 +12,6 @@ from softlab.model.core.integrators import INTEGRATORS
 from softlab.model.core.simulation import State
 from softlab.model.geometry.normals import vertex_normals
 from softlab.model.scene.scene import Scene
-
-SHEETS = [(5, 7), (1, 6), (6, 1), (2, 2), (3, 3), (16, 16)]
-THREADS = [n for n in (1, 2, 3, 8) if n <= numba.config.NUMBA_NUM_THREADS]
 
 
 def table(rows=5, columns=7, integrator="semi-implicit-euler", dt=0.002, **parts):
@@ -64,31 +60,6 @@ def stepped(scene, batches=(30,), **options) -> State:
 
 def same(a: State, b: State) -> bool:
     return np.array_equal(a.position, b.position) and np.array_equal(a.velocity, b.velocity)
-
-
-VARIANTS = {
-    "springs": ("semi-implicit-euler", "float32", SPRINGS),
-    "shear-alone": ("lab", "float64", {"shear": {}, "damping": {"coefficient": 0.01}}),
-    "kicks-meet": ("velocity-verlet", "float32", SPRINGS | DAMPED | {"sphere": COLLIDERS["sphere"]}),
-    "kicks-apart": ("velocity-verlet", "float64", EVERYTHING),
-    "rk4": ("rk4", "float32", EVERYTHING),
-}
-
-
-@pytest.mark.parametrize("variant", VARIANTS)
-def test_fused_gives_the_bits_of_the_stages(variant):
-    """On sheets without an inside, of one row or column, and on 16 x 16, whole blocks; with a live (unused) poke."""
-    integrator, precision, parts = VARIANTS[variant]
-    for rows, columns in SHEETS:
-        scene = table(rows, columns, integrator, **parts)
-        expected = stepped(scene, kernel="stages", precision=precision, live=("poke",), threads=1)
-        moved = np.abs(expected.position - build(scene).position).max()
-        assert np.isfinite(expected.position).all() and (moved > 1e-3 or 1 in (rows, columns))
-        for threads in THREADS:
-            got = stepped(scene, kernel="fused", precision=precision, live=("poke",), threads=threads)
-            assert same(got, expected), (rows, columns, threads)
-        batched = stepped(scene, (1, 2, 0, 7, 20), kernel="fused", precision=precision, live=("poke",), threads=1)
-        assert same(batched, expected), (rows, columns, "batches")
 
 
 def test_every_collider_and_part_of_the_scene_that_holds_them_all_is_felt():

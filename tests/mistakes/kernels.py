@@ -5,9 +5,10 @@ from __future__ import annotations
 from .mistake import Mistake, in_file
 
 GRID = "test_cpu_reference.py::test_each_kick_takes_the_random_force_of_its_own_step_and_pins_stay_at_rest test_cpu_reference.py::test_odd_grids_free test_cpu_reference.py::test_odd_grids_pinned"
-SIMULATED_GRID = "simulator/test_simulated_gpu.py::test_the_first_mass_that_left_the_finite_world_is_found simulator/test_simulated_gpu.py::test_the_reference_is_met_over_the_edges_of_blocks simulator/test_simulated_gpu.py::test_passes_do_what_the_cpu_does"
-SIMULATED_CLOTH = "simulator/test_simulated_cloth.py::test_the_reference_is_met_within_rounding simulator/test_simulated_cloth.py::test_the_smallest_sheets"
-SIMULATED_XPBD = "simulator/test_simulated_xpbd.py::test_the_reference_is_met_within_rounding simulator/test_simulated_xpbd.py::test_the_smallest_sheets"
+BITS = "simulator/test_simulated_bits.py::test_kernels_have_the_bits_of_the_cpu"
+SIMULATED_GRID = f"simulator/test_simulated_gpu.py::test_the_first_mass_that_left_the_finite_world_is_found {BITS}[grid-over-blocks-lab-float64] {BITS}[grid-over-blocks-semi-implicit-euler-float64] {BITS}[grid-busy-velocity-verlet-float32] {BITS}[grid-busy-rk4-float64] {BITS}[grid-busy-lab-float32]"
+SIMULATED_CLOTH = f"{BITS}[cloth-springs-float64] {BITS}[cloth-random-float64] {BITS}[cloth-1x5-float64]"
+SIMULATED_XPBD = f"{BITS}[sheet-rigid-gauss-seidel-float32] {BITS}[sheet-free-jacobi-float32] {BITS}[sheet-gauss-seidel-2x2-float64]"
 
 CPU: tuple[Mistake, ...] = (
     *in_file(
@@ -30,7 +31,7 @@ CPU: tuple[Mistake, ...] = (
     ),
     *in_file(
         "model/core/own_forces.py",
-        "test_ranks.py::test_ranks_have_the_bits_of_one",
+        "test_shares.py::test_shares_have_the_bits_of_one[grid-random]",
         {"a window counts its masses from its own first": ("np.int64(k) + np.int64(integers[FIRST])", "np.int64(k)")},
     ),
     *in_file(
@@ -85,7 +86,7 @@ CPU: tuple[Mistake, ...] = (
     ),
     *in_file(
         "cpu_backend/mass_spring/grid/kernels.py",
-        "test_cpu_bits.py::test_bits_do_not_depend_on_threads_kernel_or_batches test_cpu_reference.py::test_odd_grids_free",
+        "test_cpu_reference.py::test_odd_grids_free",
         {
             "a band ends a row early (cpu)": ("first, last = rows * band // bands, rows * (band + 1) // bands", "first, last = rows * band // bands, rows * (band + 1) // bands - 1"),
             "the states do not change places (cpu)": ("states, (current + k) % 2, sheet", "states, current, sheet"),
@@ -106,7 +107,7 @@ CPU: tuple[Mistake, ...] = (
     ),
     *in_file(
         "cpu_backend/mass_spring/cloth/rows.py",
-        "test_cloth_cpu.py::test_stages_follow_the_reference test_cloth_cpu.py::test_fused_gives_the_bits_of_the_stages",
+        "test_cloth_cpu.py::test_stages_follow_the_reference",
         {
             "a shear spring leads to the wrong mass (cpu)": ("below_right, below_left = below + 1, below - 1", "below_right, below_left = below, below - 1"),
             "a bending spring is one row too short (cpu)": ("if i + 2 < rows:\n        beyond = here + 2 * stride", "if i + 2 < rows:\n        beyond = here + stride"),
@@ -181,7 +182,7 @@ GPU: tuple[Mistake, ...] = (
     ),
     *in_file(
         "gpu_backend/mass_spring/grid/tiles.py",
-        "simulator/test_simulated_tiles.py::test_every_mass_is_owned_by_one_tile simulator/test_simulated_tiles.py::test_tiles_with_halos_do_what_the_cpu_does simulator/test_simulated_tiles.py::test_one_block_holds_any_small_shape",
+        f"simulator/test_simulated_tiles.py::test_every_mass_is_owned_by_one_tile {BITS}[grid-in-tiles-lab-float32] {BITS}[grid-3x7-float32]",
         {
             "a tile owns its halo (gpu)": ("end = np.int32(start + size - FEATURE.halo)", "end = np.int32(start + size)"),
             "a strip's lower neighbour is its own last mass (gpu)": ("below = np.int32(below + width)", "below = np.int32(below)"),
@@ -205,7 +206,7 @@ GPU: tuple[Mistake, ...] = (
     ),
     *in_file(
         "gpu_backend/core/sheet.py",
-        SIMULATED_XPBD,
+        f"{BITS}[sheet-averaged-jacobi-2x33-float64]",
         {
             "a launch's threads are turned by a quarter (gpu)": ("np.int32(cuda.blockIdx.y * cuda.blockDim.y + cuda.threadIdx.y),\n        np.int32(cuda.blockIdx.x * cuda.blockDim.x + cuda.threadIdx.x),", "np.int32(cuda.blockIdx.x * cuda.blockDim.x + cuda.threadIdx.x),\n        np.int32(cuda.blockIdx.y * cuda.blockDim.y + cuda.threadIdx.y),"),
         },

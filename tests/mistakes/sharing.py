@@ -5,8 +5,8 @@ from __future__ import annotations
 from .mistake import Mistake, in_file
 
 WORLD = "test_world_cpu.py::test_states_are_the_references"
-FLUID = "test_shared_fluid.py::test_a_fluid_has_the_bits_of_one[float64]"
-BAR = "test_partitions.py::test_a_bar_has_the_bits_of_one[3]"
+FLUID = "test_shares.py::test_shares_have_the_bits_of_one[dam-in-float64]"
+BAR = "test_shares.py::test_shares_have_the_bits_of_one[bar]"
 
 WORLDS: tuple[Mistake, ...] = (
     *in_file(
@@ -71,14 +71,14 @@ DOMAINS: tuple[Mistake, ...] = (
     ),
     *in_file(
         "model/domains/shared_bodies.py",
-        "test_shared_bodies.py::test_bodies_of_every_kind_have_the_bits_of_one[3] test_shared_bodies.py::test_what_is_done_to_bodies_reaches_their_shares",
+        "test_shares.py::test_shares_have_the_bits_of_one[bodies] test_shared_bodies.py::test_what_is_done_to_bodies_reaches_their_shares",
         {
             "clusters are gathered in the order of blocks": ("whole[self._clusters] = gathered", "whole[:] = gathered"),
         },
     ),
     *in_file(
         "model/domains/windows.py",
-        "test_ranks.py::test_float64_and_the_kernel_by_stages",
+        "test_shares.py::test_shares_have_the_bits_of_one[grid-by-stages]",
         {"windows begin each run at step 0": ("window.step = first\n", "window.step = 0\n")},
     ),
     *in_file(

@@ -7,7 +7,7 @@ from .mistake import Mistake, in_file
 STATES = "test_tetrahedra_cpu.py::test_states_are_the_references[damped]"
 SIMULATED_VBD = "simulator/test_simulated_bits.py::test_kernels_have_the_bits_of_the_cpu[vbd-everything-float32]"
 SIMULATED_NEWTON = "simulator/test_simulated_bits.py::test_kernels_have_the_bits_of_the_cpu[newton-damped-float32]"
-RESIDENT = "simulator/test_simulated_tetrahedra_resident.py::test_slabs_do_what_the_cpu_does[2]"
+RESIDENT = "simulator/test_simulated_bits.py::test_kernels_have_the_bits_of_the_cpu[xpbd-slabs-of-2-float32]"
 ORDER_2 = "test_newton_order.py::test_steps_are_the_judges"
 
 XPBD: tuple[Mistake, ...] = (
@@ -107,7 +107,7 @@ DESCENT: tuple[Mistake, ...] = (
     ),
     *in_file(
         "model/tetrahedra/descent.py",
-        "test_partitions.py::test_vertex_block_descent_has_the_bits_of_one",
+        "test_shares.py::test_shares_have_the_bits_of_one[bar-by-vertices]",
         {"a part's vertices name tetrahedra of the whole": ("CORNERS * np.searchsorted(inside, entries // CORNERS) + entries % CORNERS", "entries")},
     ),
 )  # fmt: skip

@@ -115,18 +115,6 @@ def test_a_stretch_decays_as_a_step_of_implicit_euler_says(iterations: int) -> N
     assert stretch == pytest.approx(now, abs=1e-12)
 
 
-@pytest.mark.parametrize("region", [1, 2])
-def test_it_falls_as_a_point_and_keeps_its_shape(region: int) -> None:
-    """y = -g h^2 n (n + 1) / 2, as semi-implicit Euler has it (A10), to rounding."""
-    scene = jelly(6, 5, grid__pinned="none", damping__coefficient=0.0, method__region=region)
-    with open_simulation(scene, "cpu", precision="float64", math="exact", threads=1) as simulation:
-        begin = simulation.body.position.copy()
-    n, h = 100, scene.method.dt
-    fallen = end_state(scene, steps=n).position - begin
-    assert fallen[:, 1] == pytest.approx(-9.81 * h**2 * n * (n + 1) / 2, abs=1e-12)
-    assert np.abs(fallen[:, 0]).max() < 1e-12
-
-
 @pytest.mark.parametrize("region,iterations", [(1, 1), (1, 3), (3, 2)])
 def test_momentum_is_kept(region: int, iterations: int) -> None:
     """Split masses: what one cluster gives a mass, others of the cluster pay for. From rest, so that the angular momentum's

@@ -3,52 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
-from cloth_scenes import POKE, cloth_scene
+from cloth_scenes import cloth_scene
 
 from softlab.app.driver import open_simulation
 from softlab.gpu_backend.contact.pins import STILL, pin_marks
 from softlab.model.base.errors import SceneError
 from softlab.model.contact.cloth_parameters import P_MOTION, body_rows
 from softlab.model.core.build import build
-from softlab.model.core.simulation import State
 from softlab.model.scene.scene import Scene
-
-
-def end_state(scene: Scene, backend: str, kernel: str, **options: Any) -> State:
-    """After five steps, in one of which `jerk` begins; after three the state is read and loaded, and dt is changed."""
-    with open_simulation(
-        scene, backend, math="exact", kernel=kernel, live=("poke", "dt"), allow_unstable=True, **options
-    ) as simulation:
-        simulation.poke(*POKE)
-        simulation.advance(3)
-        simulation.load(simulation.state())
-        simulation.set("method.dt", 0.75 * scene.method.dt)
-        simulation.advance(2)
-        simulation.load(simulation.state())
-        return simulation.state()
-
-
-@pytest.mark.parametrize(
-    ("name", "integrator", "precision"),
-    [
-        ("moving", "velocity-verlet", "float32"),
-        ("damped moving", "velocity-verlet", "float64"),
-        ("damped moving", "rk4", "float32"),
-        ("moving", "lab", "float64"),
-    ],
-)
-def test_pins_that_move_give_the_bits_of_the_cpu(name: str, integrator: str, precision: str) -> None:
-    scene = cloth_scene(name, integrator)
-    expected = end_state(scene, "cpu", "stages", precision=precision, threads=1)
-    assert expected.velocity[build(scene).pinned].any()
-    for kernel in ("launch", "stages") if integrator == "rk4" else ("launch", "stages", "one-block"):
-        state = end_state(scene, "gpu", kernel, precision=precision)
-        assert np.array_equal(state.position, expected.position), kernel
-        assert np.array_equal(state.velocity, expected.velocity), kernel
 
 
 def moving() -> Scene:

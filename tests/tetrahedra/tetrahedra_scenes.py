@@ -61,6 +61,22 @@ def tetrahedra_scene(name: str, **changes: Any) -> Scene:
     return Scene({"method": METHOD} | bodies | PARTS[name] | changes, "bodies")
 
 
+def slab_scene(**changes: Any) -> Scene:
+    """A body of five layers: slabs of 2, 2 and 1."""
+    bar = BODY | {"shape": {"name": "box", "sides": [0.1, 0.5, 0.2], "resolution": 10}, "pinned": ["bottom"]}
+    return Scene({"body": bar | changes, "gravity": {}, "method": METHOD | {"substeps": 2}})
+
+
+def cantilever(layers: int, across: int, iterations: int = 1, **changes: Any) -> Scene:
+    """Small Steps' cantilever, in such voxels."""
+    beam = {
+        "kind": "tetrahedral_body", "shape": {"name": "box", "sides": [layers / across, 1.0, 1.0]}, "edge": 1 / across,
+        "young_modulus": 1e5, "poisson_ratio": 0.4, "pinned": ["left"],
+    }  # fmt: skip
+    method = {"solver": "xpbd", "dt": 1 / 60, "substeps": 100 // iterations, "iterations": iterations}
+    return Scene({"beam": beam | changes, "gravity": {}, "method": method})
+
+
 def through(scene: Scene) -> Scene:
     """The same bodies, which pass through each other."""
     return Scene({name: table for name, table in scene.as_dict().items() if name != "contact"}, scene.name)

@@ -11,11 +11,9 @@ from contact_scenes import crumpled, folded
 from numba import cuda
 
 from softlab.app.driver import open_simulation
-from softlab.bench.reference import mass_spring
 from softlab.bench.reference.contact import self_contacts as reference
 from softlab.gpu_backend.contact.self_contact import Contacts
 from softlab.gpu_backend.core.scan import CHUNK, Scan
-from softlab.model.base.errors import SceneError
 from softlab.model.contact.self_contact_parameters import MAX_CONTACTS
 from softlab.model.core.build import build
 from softlab.model.scene.scene import Scene
@@ -68,26 +66,6 @@ def test_what_is_found_and_projected_is_the_references() -> None:
     expected = reference.project(part, found.nearest(MAX_CONTACTS), before, predicted, weights)
     assert np.abs(position[:, :3] - expected).max() < 1e-13  # some tens of roundings of lengths under 1 m
     assert np.array_equal(position[:, 3], weights)
-
-
-def test_stages_and_passes_give_the_same_bits_and_the_references_numbers() -> None:
-    """A folded strip comes down on the floor and its layers on one another."""
-    scene, states = folded(method={"solver": "xpbd", "dt": 1 / 60, "substeps": 3, "iterations": 1}), []
-    for kernel in ("launch", "stages"):
-        with open_simulation(scene, "gpu", math="exact", precision="float64", kernel=kernel) as simulation:
-            simulation.advance(2)
-            states.append(simulation.state())
-    assert np.array_equal(states[0].position, states[1].position)
-    assert np.array_equal(states[0].velocity, states[1].velocity)
-    position, velocity = reference.simulate(scene, 2, *mass_spring.start(scene), MAX_CONTACTS)
-    # a speed of 10 m/s at most is a difference of positions over h = 5.6 ms, each of them some hundred roundings of 1 m
-    assert np.abs(states[0].position - position).max() < 1e-13
-    assert np.abs(states[0].velocity - velocity).max() < 1e-13 / (scene.method.dt / 3)
-
-
-def test_kernels_that_hold_a_part_of_the_sheet_are_refused() -> None:
-    with pytest.raises(SceneError, match="reaches across the sheet"):
-        open_simulation(folded(), "gpu", kernel="one-block")
 
 
 @pytest.mark.parametrize("rows,columns", [(1, 1), (1, 5), (5, 1), (2, 2)])

@@ -6,13 +6,11 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-import pytest
 from kinematic_scenes import BAR, ENDS, LOOSE, kinematic_scene
 from newton_scenes import end_state, groups_and_bodies, newton_scene
 from tetrahedra_scenes import BODY
 
 from softlab.app.driver import open_simulation
-from softlab.model.base.errors import SceneError
 from softlab.model.core.simulation import State
 from softlab.model.scene.scene import Scene
 
@@ -66,8 +64,3 @@ def test_pins_go_to_the_cpus_targets() -> None:
             states.append(simulation.state())
     assert np.array_equal(states[0].position, states[1].position)
     assert np.array_equal(states[0].velocity, states[1].velocity)
-
-
-def test_another_kernel_is_refused() -> None:
-    with pytest.raises(SceneError, match="cooperative"):
-        open_simulation(newton_scene("fixed-corotated"), "gpu", kernel="graph")

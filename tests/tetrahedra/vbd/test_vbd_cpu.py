@@ -14,7 +14,6 @@ from vbd_scenes import (
     METHOD,
     elastic_force,
     end_state,
-    free_fall,
     moving,
     step_energy,
     step_slope,
@@ -118,16 +117,6 @@ def test_float32_is_float64_rounded() -> None:
     scene = Scene(EVERYTHING)
     one, other = end_state(scene, 2), end_state(scene, 2, precision="float32")
     np.testing.assert_allclose(other.position, one.position, atol=2e-5)
-
-
-def test_a_free_body_falls_as_all_do() -> None:
-    """Undeformed, moved by gravity alone: the start is the answer, to rounding, however stiff and however few the sweeps."""
-    body = FREE | {"young_modulus": 1e9, "spin": [0.0] * 3, "damping": 0.1}
-    scene = vbd_scene(body, iterations=1)
-    start = build(scene)
-    begin = State(start.position, start.velocity, start.inverse_mass, 0.0, 0)
-    state = end_state(scene, 1, begin)
-    np.testing.assert_allclose(state.position, free_fall(scene, begin), atol=1e-12)
 
 
 def test_momentum_is_kept_as_far_as_sweeps_go() -> None:
