@@ -54,7 +54,7 @@ STEPS: dict[str, list[tuple[str, tuple[int, int] | None, dict[str, float]]]] = {
     "curvature-flow": [("curvature-flow", None, {"range": RANGE})] * 60,
     "none": [],
 }
-ROUND, FINEST = 1.0, 2.0  # the bell that rounds outlines: its standard deviation in radii, at least in cells of pixels
+ROUND, FINEST = 1.1, 2.0  # the bell that rounds outlines: its standard deviation in radii, at least in cells of pixels
 APART = 4.0  # radii: what is so far behind one another (standard deviation) does not close gaps
 OVERLAP = 0.6  # of a ray's path through a particle: balls of half a spacing and more overlap
 ZENITH, HORIZON, FLOOR = (0.30, 0.50, 0.78), (0.88, 0.92, 0.96), (0.55, 0.60, 0.63)
