@@ -12,7 +12,7 @@ BELL_SAMPLES = 8  # of a bell, to each side
 LEVEL = 0.42  # of the bell over what is covered, where the outline is; 0.5 at a straight edge
 STEEPNESS = 0.39  # of that bell across a straight edge at the level, times its width
 BESIDE = 2.0  # standard deviations: how far aside a pixel of an outline finds whether it belongs to a drop or a body
-DROP, BODY = 0.5, 1.0  # of the largest bell there: at its middle a ball of 0.9 standard deviations has 0.34, a row of them 0.57
+DROP, BODY = 0.5, 1.0  # of the largest bell there: 0.34 in a ball of 0.9 standard deviations, 0.57 in a row of them
 RIM = 1.33  # standard deviations that the edge of a slanted plane is behind the mean: of half a bell
 PAIRS = 32  # of pixels that a pass of the narrow-range filter reads along its axis
 
