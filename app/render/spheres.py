@@ -55,9 +55,11 @@ class Spheres:
         gl.glDisable(gl.GL_SAMPLE_ALPHA_TO_COVERAGE)
         program.stop()
 
-    def shade(self, camera: Camera3D, flatten: np.ndarray, centre: np.ndarray, array: Any, count: int) -> None:
-        """Draw the shadows of `count` spheres (see Scenery.draw_shadows)."""
+    def shade(self, camera: Camera3D, flatten: np.ndarray, centre: np.ndarray, balls: Balls) -> None:
+        """Draw the shadows of spheres (see Scenery.draw_shadows)."""
+        array, count, size = balls
         use_shadow(self._shadow, camera, flatten, centre)
+        self._shadow["size"] = size
         draw_squares(array, count)
         self._shadow.stop()
 

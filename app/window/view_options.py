@@ -83,7 +83,7 @@ class ViewOptions:
         (L). A grid is always springs."""
         if self._bodies:
             self.toggle("lines")
-        elif self._space:
+        elif self._space or self._subject == "fluid":
             shown = [view.toggle_lines() for view in self.views]
             lines = "particles" if self._subject == "fluid" else "springs, coloured by strain"
             self.demo.say(lines if shown[0] else "surface")

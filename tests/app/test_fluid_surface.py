@@ -13,7 +13,7 @@ from test_view3d import drawing  # noqa: F401  # a fixture
 
 from softlab.app.render.camera3d import Camera3D
 from softlab.app.render.detail import FINE
-from softlab.app.render.fluid.surface import FILTERS, STEPS, FluidSurface
+from softlab.app.render.fluid.surface import FILTERS, ROUND, STEPS, FluidSurface
 from softlab.app.render.opengl import open_window
 from softlab.app.render.smooth_target import SmoothTarget
 from softlab.app.render.vertex_arrays import static_buffer
@@ -129,6 +129,52 @@ def test_particles_that_stick_out_of_a_body_leave_its_outline_smooth() -> None:
     image = seen(wall, 0.09, "none", camera)
     top = np.argmax(image[:, 40:-40, 3] > 0, axis=0)
     assert 0.6 * 0.09 * camera.scale > 6.0 and np.ptp(top) <= 0.6 * 0.09 * camera.scale / 3
+
+
+def pool(rows: int, seed: int = 5) -> np.ndarray:
+    """Particles (n, 3) [m] of a pool, 0.08 m apart, each up to a quarter of that out of its place, as they come to rest; of
+    the uppermost, one in six is higher by 0.06 m."""
+    random, along = np.random.default_rng(seed), np.arange(-24, 25) * 0.08
+    places = np.stack(np.meshgrid(along, -0.08 * np.arange(rows), along[23:26]), axis=-1).reshape(-1, 3)
+    higher = (places[:, 1] == 0.0) & (random.random(len(places)) < 1 / 6)
+    return places + random.uniform(-0.02, 0.02, places.shape) + higher[:, None] * (0.0, 0.06, 0.0)
+
+
+@pytest.mark.parametrize("pitch", [0.0, 0.6], ids=["from the side", "from above"])
+@pytest.mark.parametrize(("shaped", "largest"), [(False, 0.17), (True, 0.12)], ids=["balls", "ellipsoids"])
+def test_the_outline_of_a_pool_is_level(pitch: float, shaped: bool, largest: float, monkeypatch: Any) -> None:
+    """The upper edge of a rough pool deviates from a straight line by less than `largest` radii (RMS), and by a sixth less
+    than where the bell has a standard deviation of 0.7 radii."""
+    camera, radius, deviation = Camera3D(SIDE, SIDE, distance=3.0, yaw=0.0, pitch=pitch), 0.072, []
+    for width in (ROUND, 0.7):
+        monkeypatch.setattr("softlab.app.render.fluid.surface.ROUND", width)
+        squares = []
+        for seed in (5, 6, 7):
+            places = pool(6, seed)
+            middles, axes = ellipsoids(places, radius, 0.16) if shaped else (places, None)
+            water = surface(middles, radius, "narrow-range", axes)
+            water.passes(camera)
+            top = np.argmax(water.normals(camera)[:, 60:-60, 3] > 0, axis=0)
+            water.delete()
+            across = np.arange(len(top))
+            squares.append((top - np.polyval(np.polyfit(across, top, 1), across)).var())
+        deviation.append(np.sqrt(np.mean(squares)) / (radius * camera.scale))
+    assert deviation[0] < largest and deviation[0] < deviation[1] * 5 / 6, deviation
+
+
+@pytest.mark.parametrize("gap", [2.0, 3.0])
+def test_a_drop_near_a_pool_stays_a_drop(gap: float) -> None:
+    """`gap` radii above a rough pool it covers its disc, within a tenth, and nothing joins it to the pool."""
+    camera, radius = Camera3D(SIDE, SIDE, distance=3.0, yaw=0.0, pitch=0.0), 0.072
+    water = pool(6)
+    water = water[water[:, 1] < 0.03]  # none of those that are higher
+    drop = np.array([[0.0, 0.02 + (2.0 + gap) * radius, 0.0]])
+    without, both = (
+        seen(points, radius, "narrow-range", camera)[..., 3] > 0 for points in (water, np.concatenate([water, drop]))
+    )
+    disc = np.pi * (radius * camera.scale) ** 2
+    assert np.count_nonzero(both & ~without) == pytest.approx(disc, rel=0.1)
+    assert (~both[:, SIDE // 2 - 3 : SIDE // 2 + 3].any(axis=1)[np.argmax(both.any(axis=1)) :]).any()
 
 
 def test_drops_holes_and_gaps_in_depth_stay() -> None:

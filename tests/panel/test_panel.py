@@ -209,7 +209,9 @@ def test_layers_of_a_fluid(axes: int) -> None:
     table = {"kind": "fluid", "dimensions": axes, "size": [0.2] * axes, "rest_distance": 0.1}
     with Stage(Scene({"water": table, "method": {"solver": "pbf", "dt": 0.01}})) as stage:
         view = stage.viewer.views[0]
-        assert ("Surface" in stage.state.places) == (axes == 3)
+        for pressed, lines in (("Particles", True), ("Surface", False)):
+            stage.click(pressed)
+            assert view.lines == lines
         stage.click("Spray, foam, bubbles")
         assert view.foam and stage.demo.message.startswith("spray")
         stage.click("colour density")

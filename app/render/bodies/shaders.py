@@ -69,13 +69,14 @@ layout(location = 0) in vec3 position;
 layout(location = 4) in vec4 look;
 uniform mat4 transform;
 uniform mat4 flatten;
+uniform float size;         // of what is drawn of the radius
 uniform vec3 side;          // unit vectors across the light
 uniform vec3 other;
 out vec3 place;
 out vec2 corner;
 void main() {
     corner = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 2.0 - 1.0;
-    vec4 fallen = flatten * vec4(position + look.a * (corner.x * side + corner.y * other), 1.0);
+    vec4 fallen = flatten * vec4(position + size * look.a * (corner.x * side + corner.y * other), 1.0);
     place = fallen.xyz;
     gl_Position = transform * fallen;
 }

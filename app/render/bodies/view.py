@@ -244,7 +244,7 @@ class BodiesView(View):
         self._skin_shadow.stop()
 
     def _shade_spheres(self, camera: Camera3D, flatten: np.ndarray, centre: np.ndarray) -> None:
-        self._balls.shade(camera, flatten, centre, self._spheres, self.scene.grid.particle_count)
+        self._balls.shade(camera, flatten, centre, (self._spheres, self.scene.grid.particle_count, 1.0))
 
     def _draw_over(self, camera: Camera3D, selected: int | None) -> None:
         from pyglet import gl

@@ -12,7 +12,7 @@ BELL_SAMPLES = 8  # of a bell, to each side
 LEVEL = 0.42  # of the bell over what is covered, where the outline is; 0.5 at a straight edge
 STEEPNESS = 0.39  # of that bell across a straight edge at the level, times its width
 BESIDE = 2.0  # standard deviations: how far aside a pixel of an outline finds whether it belongs to a drop or a body
-DROP, BODY = 0.66, 0.85  # of the largest bell there: a ball of 1.43 standard deviations has 0.64 at its middle
+DROP, BODY = 0.5, 1.0  # of the largest bell there: 0.34 in a ball of 0.9 standard deviations, 0.57 in a row of them
 RIM = 1.33  # standard deviations that the edge of a slanted plane is behind the mean: of half a bell
 PAIRS = 32  # of pixels that a pass of the narrow-range filter reads along its axis
 
@@ -92,7 +92,15 @@ uniform ivec2 last;
 uniform float wide;         // cells
 uniform float apart;        // m: standard deviation of depth of what is too far behind one another
 out vec2 outline;           // depth, coverage: it fades within a pixel
-vec3 bell(ivec2 at) {{ return texelFetch(cells, clamp(at, ivec2(0), last), 0).rgb; }}
+vec3 bell_of(ivec2 at) {{ return texelFetch(cells, clamp(at, ivec2(0), last), 0).rgb; }}
+vec3 bell(vec2 at) {{
+    vec2 part = fract(at);
+    ivec2 low = ivec2(floor(at));
+    return mix(
+        mix(bell_of(low), bell_of(low + ivec2(1, 0)), part.x), mix(bell_of(low + ivec2(0, 1)), bell_of(low + 1), part.x),
+        part.y
+    );
+}}
 void main() {{
     ivec2 pixel = ivec2(gl_FragCoord.xy), end = textureSize(depth, 0) - 1;
     vec2 at = gl_FragCoord.xy / float(cell);
@@ -100,27 +108,24 @@ void main() {{
     outline = vec2(here, sign(here));
     if (about <= 0.0 || (about > 0.99 && here > 0.0)) return;
     at -= 0.5;
-    vec2 part = fract(at);
-    ivec2 low = ivec2(floor(at));
-    vec3 sum = mix(
-        mix(bell(low), bell(low + ivec2(1, 0)), part.x), mix(bell(low + ivec2(0, 1)), bell(low + 1), part.x), part.y
-    );
+    vec3 sum = bell(at);
     sum.gb /= max(sum.r, 1e-9);
     float spread = sqrt(max(sum.b - sum.g * sum.g, 0.0));
     float level = {LEVEL} * (here > 0.0 ? 1.0 : max(1.0, spread / apart)), beside = 0.0;
     for (int k = 0; k < 8; k++) {{
         vec2 aside = {BESIDE} * wide * vec2(cos(0.25 * {pi} * float(k)), sin(0.25 * {pi} * float(k)));
-        beside = max(beside, bell(ivec2(round(at + aside))).r);
+        beside = max(beside, bell(at + aside).r);
     }}
-    float alone = 1.0 - smoothstep({DROP}, {BODY}, beside);
-    float cover = clamp((sum.r - level) * wide * float(cell) / {STEEPNESS} + 0.5, 0.0, 1.0), near = 0.0;
-    if (here > 0.0 && cover < 1.0)
+    float alone = 1.0 - smoothstep({DROP}, {BODY}, beside), steep = wide * float(cell) / {STEEPNESS};
+    float cover = clamp((sum.r - level) * steep + 0.5, 0.0, 1.0), near = 0.0;
+    if (here > 0.0 && cover < 1.0) {{
         for (int i = -1; i <= 1; i++)
             for (int j = -1; j <= 1; j++) {{
                 float there = texelFetch(depth, clamp(pixel + ivec2(i, j), ivec2(0), end), 0).r;
                 near += sign(there) / float(4 << (abs(i) + abs(j)));
             }}
-    cover = max(cover, alone * near);
+        cover = max(cover, min(near, clamp((sum.r - (1.0 - alone) * level) * steep + 0.5, 0.0, 1.0)));
+    }}
     outline = vec2(cover <= 0.0 ? 0.0 : here > 0.0 ? here : sum.g + {RIM} * spread, cover);
 }}
 """

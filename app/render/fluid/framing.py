@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from softlab.app.render.fluid.outlines import outlines
+from softlab.app.render.fluid.outlines import sections
 from softlab.model.fluid.foam import is_tracked
 from softlab.model.scene.scene import Scene
 from softlab.model.tables.cloth import Plane
@@ -62,7 +62,7 @@ def with_tank(scene: Scene, bounds: Sequence[float], time: float) -> tuple[float
         if 0 < away < max_distance:
             least, most = np.minimum(least, nearest - away * normal), np.maximum(most, nearest - away * normal)
     if axes == 2:
-        shapes = outlines(scene, time, planes=False)
+        shapes = np.concatenate([np.zeros((0, 2)), *sections(scene, time, planes=False)])
         near = ((shapes > low - max_distance) & (shapes < high + max_distance)).all(axis=1)
         if near.any():
             least, most = np.minimum(least, shapes[near].min(axis=0)), np.maximum(most, shapes[near].max(axis=0))

@@ -54,7 +54,7 @@ STEPS: dict[str, list[tuple[str, tuple[int, int] | None, dict[str, float]]]] = {
     "curvature-flow": [("curvature-flow", None, {"range": RANGE})] * 60,
     "none": [],
 }
-ROUND, FINEST = 0.7, 2.0  # the bell that rounds outlines: its standard deviation in radii, at least in cells of pixels
+ROUND, FINEST = 1.1, 2.0  # the bell that rounds outlines: its standard deviation in radii, at least in cells of pixels
 APART = 4.0  # radii: what is so far behind one another (standard deviation) does not close gaps
 OVERLAP = 0.6  # of a ray's path through a particle: balls of half a spacing and more overlap
 ZENITH, HORIZON, FLOOR = (0.30, 0.50, 0.78), (0.88, 0.92, 0.96), (0.55, 0.60, 0.63)
@@ -117,6 +117,11 @@ class FluidSurface:
             gl.glVertexAttribDivisor(place, 1)
         gl.glBindVertexArray(0)
         return array
+
+    @property
+    def appearance_buffer(self) -> int:
+        """OpenGL buffer (count, 4) float32: absorption [1/m], and radius of the ball about each ellipsoid [m]."""
+        return int(self._appearances[0])
 
     def shine(self, light: np.ndarray) -> None:
         """Set the direction (3,) to the sun, a unit vector."""

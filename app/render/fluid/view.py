@@ -1,5 +1,7 @@
-"""Draws fluids into the current OpenGL context: in space their surface, or particles as lit spheres; in a plane particles as
-discs. Each fluid of a colour of its own, or particles coloured by speed or by how far they are compressed."""
+"""Draws fluids into the current OpenGL context: their surface, or particles as lit spheres, in a plane as discs.
+
+Each fluid has its colour, or particles are coloured by speed or by how far they are compressed.
+"""
 
 from __future__ import annotations
 
@@ -33,6 +35,7 @@ RANGE_QUANTILE = 0.98  # of the particles that the range holds
 VIEW_OPTIONS = ("surface", "particles", "foam", *COLOURINGS)
 RADIUS = 0.5  # of a particle, in rest distances
 WETTED = 0.9  # likewise, of what its surface is made of
+SHADOW = 0.8  # of the radius of an ellipsoid, of its shadow: 0.72 rest distances, so that a square lattice has no gaps
 WATER = 1000.0  # kg/m^3
 ABSORBED = (
     (5.2, 2.1, 0.7),
@@ -56,8 +59,13 @@ def fluid_colours(number: np.ndarray) -> np.ndarray:
     return of_numbers(np.where(number < 2, 1 - number, number))
 
 
+def has_surface(scene: Scene) -> bool:
+    """Return False for a fluid that fills a plane which repeats along both axes."""
+    return scene.dimensions == 3 or scene.domain is None or len(scene.domain.repeats) < 2
+
+
 class FluidView(View):
-    """A View of fluids. `lines`: as particles and not as a surface, in a plane always; `foam`: its points are shown.
+    """A View of fluids. `lines`: as particles and not as a surface; `foam`: its points are shown.
     `colouring`: of COLOURINGS; a surface always shows the first one. `shaped`: the surface's particles are ellipsoids,
     which takes the host a tenth of a second for 10 000 particles, else balls."""
 
@@ -67,7 +75,8 @@ class FluidView(View):
     def __init__(self, scene: Scene, detail: Detail = FINE, shaped: bool = False):
         super().__init__(scene, detail)
         fluid_set = scene.fluid_set
-        self.shaped, self.lines, self.colouring, self._most = shaped, not self.space, COLOURINGS[0], 0.0
+        self.shaped, self.colouring, self._most = shaped, COLOURINGS[0], 0.0
+        self.lines = not has_surface(scene)
         self._time = 0.0  # of what a plane's colliders are drawn at
         self._number = water_first(fluid_set)
         self._fluid_colours = fluid_colours(self._number[fluid_set.fluid])
@@ -84,6 +93,7 @@ class FluidView(View):
                 position = static_buffer(np.zeros((fluid_set.particle_count, 3), np.float32))
                 self._buffers.append(position)
             self._surface = FluidSurface(position, fluid_set.particle_count)
+            self._shadows = square_array(position, self._surface.appearance_buffer)
             self._taken = np.array(ABSORBED)[self._number[fluid_set.fluid] % len(ABSORBED)] / fluid_set.extent
             self._surface.set_appearance(WETTED * fluid_set.spacing, self._taken)
         self._foam = FoamLayer(scene)
@@ -102,7 +112,8 @@ class FluidView(View):
 
     def toggle_lines(self) -> bool:
         """Exchange particles and surface. Returns True if particles are shown now."""
-        self.lines = not self.space or not self.lines
+        self.lines = not self.lines
+        self.colour_by(self.colouring)
         return self.lines
 
     def set_view_options(self, names: Sequence[str]) -> None:
@@ -116,7 +127,7 @@ class FluidView(View):
                 self.colour_by(name)
                 self.lines = self.lines or name != COLOURINGS[0]
             else:
-                self.lines = not self.space or name == "particles"
+                self.lines = name == "particles"
 
     def toggle_foam(self) -> bool:
         """Show or hide spray, foam and bubbles. Returns True if they are shown now."""
@@ -203,8 +214,11 @@ class FluidView(View):
     def _draw_solid(self, camera: Any, strain_range: float) -> None:
         if self.lines and self.space:
             self._balls.draw(camera, self._target.samples > 1, [(self._discs, self.scene.grid.particle_count, 1.0)])
-        elif self.lines:
-            self._plane.draw_particles(camera)
+        elif not self.space:
+            if self.lines:
+                self._plane.draw_particles(camera)
+            else:
+                self._plane.draw_surface(camera, self._time)
             if self.foam:
                 self._foam.draw(camera)
             self._plane.draw_colliders(camera, self._time)
@@ -216,7 +230,8 @@ class FluidView(View):
 
     def _draw_shadows(self, camera: Camera3D, time: float) -> None:
         def shade(camera: Camera3D, flatten: np.ndarray, centre: np.ndarray) -> None:
-            self._balls.shade(camera, flatten, centre, self._discs, self.scene.grid.particle_count)
+            balls = (self._discs, 1.0) if self.lines else (self._shadows, SHADOW)
+            self._balls.shade(camera, flatten, centre, (balls[0], self.scene.grid.particle_count, balls[1]))
 
         self._scenery.draw_shadows(camera, time, self.lowest, [], [shade])
 
@@ -243,5 +258,5 @@ class FluidView(View):
         else:
             self._plane.delete()
         self._foam.delete()
-        delete_all([self._points, *([self._discs] if self.space else [])], self._buffers)
+        delete_all([self._points, *([self._discs, self._shadows] if self.space else [])], self._buffers)
         super().delete()

@@ -9,15 +9,12 @@ INSIDE = (("particles", "Particles"), ("skin", "Skins"), ("clusters", "Clusters"
 
 
 def _fluid(frame: PanelFrame) -> None:
-    """Lay out surface or particles, in space, and foam."""
-    viewer, rows, view_options = frame.viewer, frame.rows, frame.viewer.view_options
-    first = viewer.views[0]
-    if viewer.space:
-        pressed = rows.buttons(("Surface", "Particles"), "Particles" if first.lines else "Surface")
-        if pressed and (pressed == "Particles") != first.lines:
-            view_options.toggle_lines()
-    else:
-        rows.note("A fluid in a plane is always drawn as particles.")
+    """Lay out surface or particles, and foam."""
+    rows, view_options = frame.rows, frame.viewer.view_options
+    first = frame.viewer.views[0]
+    pressed = rows.buttons(("Surface", "Particles"), "Particles" if first.lines else "Surface")
+    if pressed and (pressed == "Particles") != first.lines:
+        view_options.toggle_lines()
     if rows.check(
         "Spray, foam, bubbles",
         first.foam,
