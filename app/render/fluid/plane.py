@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from softlab.app.render import colours, shaders
+from softlab.app.render.camera import Camera
 from softlab.app.render.fluid.disc_shaders import DISC_FRAGMENT, DISC_VERTEX
 from softlab.app.render.fluid.outlines import outlines
 from softlab.app.render.opengl import shader_program
@@ -36,7 +35,7 @@ class PlaneFluid:
         self._buffers = [static_buffer(lines), static_buffer(np.arange(len(lines), dtype=np.uint32))]
         self._outlines = vertex_array(self._buffers[0], self._buffers[1], dimensions=2)
 
-    def draw_particles(self, camera: Any) -> None:
+    def draw_particles(self, camera: Camera) -> None:
         """Draw the discs."""
         program = self._disc_program
         program.use()
@@ -44,7 +43,7 @@ class PlaneFluid:
         draw_squares(self._discs, self._count)
         program.stop()
 
-    def draw_colliders(self, camera: Any, time: float) -> None:
+    def draw_colliders(self, camera: Camera, time: float) -> None:
         """Draw the outlines at `time` [s]."""
         from pyglet import gl
 
