@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -23,7 +22,7 @@ def check_state_target(path: Path | str) -> Path:
     return check_target(path, (STATE,), "a state or trajectory file")
 
 
-def _write(path: Path, arrays: dict[str, Any]) -> Path:
+def _write(path: Path, arrays: dict[str, np.ndarray]) -> Path:
     with replacing(path) as temporary, open(temporary, "wb") as file:
         np.savez(file, **arrays)
     return path
@@ -35,7 +34,7 @@ def write_state(path: Path | str, state: State) -> Path:
     For bodies also `rotation` (clusters, 4), for plastic ones `plastic` (clusters, 3, 3), for emitters `taps`. If the
     step size was changed, `clock_step` and `clock_time` [s] of the change.
     """
-    arrays: dict[str, Any] = {name: getattr(state, name) for name in ("position", "velocity", "inverse_mass")}
+    arrays: dict[str, np.ndarray] = {name: getattr(state, name) for name in ("position", "velocity", "inverse_mass")}
     arrays |= state.arrays
     if state.clock != START:
         arrays |= {"clock_step": np.int64(state.clock.step), "clock_time": np.float64(state.clock.time)}

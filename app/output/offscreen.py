@@ -8,13 +8,12 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from softlab.app.output.pictures import write_png
 from softlab.app.render import colours
-from softlab.app.render.camera import finite_bounds
+from softlab.app.render.camera import Camera, finite_bounds
 from softlab.app.render.drawn_springs import drawn_strain
 from softlab.app.render.fluid.framing import main_part, with_fluids
 from softlab.app.render.framing import seen_points, seen_radius
@@ -36,7 +35,7 @@ MIN_SIZE, MAX_SIZE = 16, 16384  # pixels
 class Fitted:
     """A view and the largest strain of the range of colours, which contain every state they were fitted to."""
 
-    camera: Any
+    camera: Camera
     strain_range: float
 
 

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 from time import perf_counter
-from typing import Any
+from types import TracebackType
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -24,6 +25,9 @@ from softlab.model.base.files import check_target, replacing
 from softlab.model.core.simulation import Simulation
 from softlab.model.fluid.foam import FoamPoints
 from softlab.model.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from rich.progress import Progress, TaskID
 
 FRAME, CLIP = ".png", ".mp4"
 PROGRESS_AFTER = 1.0  # s
@@ -130,7 +134,9 @@ class VideoWriter:
             raise self._failure() from None
         self.frames += 1
 
-    def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         process = self._process
         assert process is not None and process.stdin is not None
         failure: InputError | None = None
@@ -234,7 +240,7 @@ def _write_clip(
     return writer.path
 
 
-def _progress_bar(name: str, total: int) -> tuple[Any, Any]:
+def _progress_bar(name: str, total: int) -> tuple[Progress, TaskID]:
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
     from softlab.app.output.bar import Bar

@@ -7,7 +7,7 @@ import re
 from collections.abc import Collection
 from dataclasses import dataclass
 from math import isfinite
-from typing import Any, Literal, get_args, get_origin
+from typing import Literal, get_args, get_origin
 
 from annotated_types import Ge, Gt, Le
 from pydantic.fields import FieldInfo
@@ -132,7 +132,7 @@ def _whole(info: FieldInfo) -> bool:
 def _range(field: str, info: FieldInfo, kind: str, value: float) -> tuple[float, float, bool]:
     """Return (lowest, highest value, True if logarithmic) of a slider about a `value`, within the bounds of the field."""
     marks = marks_of(info)
-    bounds: list[Any] = [mark.ge if isinstance(mark, Ge) else mark.gt for mark in marks if isinstance(mark, Ge | Gt)]
+    bounds = [mark.ge if isinstance(mark, Ge) else mark.gt for mark in marks if isinstance(mark, Ge | Gt)]
     least = max(map(float, bounds), default=None)
     above = any(isinstance(mark, Gt) for mark in marks)
     most = min((float(mark.le) for mark in marks if isinstance(mark, Le)), default=None)  # type: ignore[arg-type]
