@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from softlab.model.base.clock import START, Clock
+from softlab.model.base.disk_cache import save_arrays
 from softlab.model.base.errors import InputError
 from softlab.model.base.files import check_target, read_archive, replacing
 from softlab.model.core.build import build
@@ -24,7 +25,7 @@ def check_state_target(path: Path | str) -> Path:
 
 def _write(path: Path, arrays: dict[str, np.ndarray]) -> Path:
     with replacing(path) as temporary, open(temporary, "wb") as file:
-        np.savez(file, **arrays)
+        save_arrays(file, arrays)
     return path
 
 

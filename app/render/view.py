@@ -54,7 +54,6 @@ class View(ABC):
     lines = False
     colliders = True  # whether they are drawn, in space
     subject = "sheet"  # what it shows, by which the window's keys go: bodies, tetrahedra, fluid
-    shows_levels = False  # whether colours are levels, as soon as they are known
     colourings: tuple[str, ...] = ()  # what `next_colouring` goes through
     options: tuple[str, ...] = ("lines",)  # what can be shown or hidden, each an attribute that `toggle_NAME` changes
     # Of views with other `options` or `colourings`, of bodies, and of families with `view_options`:
@@ -95,6 +94,11 @@ class View(ABC):
         """Draw in this quality from now on; in space."""
         self._target.delete()
         self.detail, self._target = detail, SmoothTarget(detail)
+
+    @property
+    def shows_levels(self) -> bool:
+        """True if colours are levels, as soon as they are known."""
+        return False
 
     @property
     def light(self) -> np.ndarray:

@@ -8,7 +8,7 @@ from dataclasses import asdict
 from functools import cache
 from math import inf
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 from weakref import WeakValueDictionary
 
 import numpy as np
@@ -79,7 +79,8 @@ def cooked(
     """
     check_density(density)
     source = _named(source, scale)
-    settled = is_settled(source)
+    file_of_tetrahedra = Path(source) if isinstance(source, str | Path) and holds_tetrahedra(source) else None
+    settled = file_of_tetrahedra is not None
     if settled and (edge is not None or voxels is not None):
         field, value = ("edge", edge) if edge is not None else ("voxels", voxels)
         raise SceneError(field, value, "a file of tetrahedra is taken as it is; leave it out")
@@ -91,8 +92,8 @@ def cooked(
         )
 
     def make() -> CookedBody:
-        if settled:
-            return _body_of_file(Path(source), scale)  # type: ignore[arg-type]
+        if file_of_tetrahedra is not None:
+            return _body_of_file(file_of_tetrahedra, scale)
         mesh = _triangles(source, scale, raw=unite or (per_voxel == "conforming" and not prepared))
         try:
             if prepared:
@@ -167,7 +168,7 @@ def _named(source: Source, scale: float) -> Source:
         return source
     name, suffix = str(source), Path(source).suffix.lower()
     if name in SHAPES:
-        return Shape(name=name)  # type: ignore[arg-type]
+        return Shape.model_validate({"name": name})
     if suffix not in FORMATS and suffix not in READERS:
         if name and not suffix and not is_there(source):
             raise InputError(f"{name}: no such shape; {WHAT}{', '.join(SHAPES)}")
@@ -238,9 +239,7 @@ def _unpacked(arrays: dict[str, np.ndarray]) -> CookedBody | None:
         if int(arrays["version"]) != VERSION:
             return None
         report_fields = json.loads(str(arrays["report"]))
-        fields: dict[str, Any] = {
-            name: tuple(one) if isinstance(one, list) else one for name, one in report_fields.items()
-        }
+        fields = {name: tuple(one) if isinstance(one, list) else one for name, one in report_fields.items()}
         report = Report(**fields)
         mesh = TetrahedralMesh(arrays["position"], arrays["tetrahedra"])
         embedding = Embedding(arrays["embedding_tetrahedron"], arrays["embedding_weights"])

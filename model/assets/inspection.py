@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from typing import TypeVar
 import importlib.util
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -69,7 +69,7 @@ class Inspection:
     roles: dict[str, str]
     notes: tuple[str, ...]
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> dict[str, object]:
         """Return the fields for JSON: of each role whether it `fits` and the `reason` why not; which roles the file
         `fits_with_fill_holes`."""
         roles = {name: {"fits": not reason, "reason": reason} for name, reason in self.roles.items()}
@@ -169,7 +169,7 @@ def inspected(path: str | Path, scale: float = 1.0) -> Inspection:
     return _inspection(path, scale, surface, inner, (body, filled), fins, tetrahedra, tuple(repairs), roles)
 
 
-def _tried(make: Callable[[], Any]) -> tuple[Any, str]:
+def _tried(make: Callable[[], T]) -> tuple[T | None, str]:
     """Return (what was made, "") or (None, the reason why not)."""
     try:
         return make(), ""

@@ -15,7 +15,6 @@ import types
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 ROOT = Path(__file__).resolve().parents[2]  # where the layers lie: the checkout, or the installed package
 FOREIGN = frozenset(
@@ -94,7 +93,7 @@ class _Walk:
         else:
             yield _UNKNOWN
 
-    def _of_function(self, function: Any) -> Iterator[bytes]:
+    def _of_function(self, function: types.FunctionType) -> Iterator[bytes]:
         if id(function) in self._entered:
             yield f"entered {self._entered[id(function)]}".encode()
             return

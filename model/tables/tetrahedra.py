@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cached_property
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal, TypeVar
 
+import numpy as np
 from pydantic import Field, model_validator
 
 from softlab.model.assets.cooked import cooked, is_settled
@@ -19,7 +20,10 @@ LARGEST_RATIO = 0.499  # above it lambda / mu is over 500, and linear tetrahedra
 Poisson = Annotated[float, Field(ge=0, le=LARGEST_RATIO, strict=True)]
 
 
-def lame_of(young: Any, poisson: Any) -> tuple[Any, Any]:
+Value = TypeVar("Value", float, np.ndarray)
+
+
+def lame_of(young: Value, poisson: Value) -> tuple[Value, Value]:
     """Return (mu, lambda) [Pa] of Young's modulus [Pa] and Poisson's ratio, numbers or arrays."""
     return young / (2 * (1 + poisson)), young * poisson / ((1 + poisson) * (1 - 2 * poisson))
 

@@ -138,7 +138,7 @@ class FluidView(View):
         self.vertices.send(self._buffers[0], self._appearance(self._fluid_colours))
 
     @property
-    def shows_levels(self) -> bool:  # type: ignore[override]
+    def shows_levels(self) -> bool:
         return self.lines and self.colouring in TITLES
 
     def level_legend(self) -> tuple[str, float] | None:

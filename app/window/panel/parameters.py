@@ -135,7 +135,8 @@ def _range(field: str, info: FieldInfo, kind: str, value: float) -> tuple[float,
     bounds = [mark.ge if isinstance(mark, Ge) else mark.gt for mark in marks if isinstance(mark, Ge | Gt)]
     least = max(map(float, bounds), default=None)
     above = any(isinstance(mark, Gt) for mark in marks)
-    most = min((float(mark.le) for mark in marks if isinstance(mark, Le)), default=None)  # type: ignore[arg-type]
+    limits = [mark.le for mark in marks if isinstance(mark, Le)]
+    most = min((float(limit) for limit in limits if isinstance(limit, int | float)), default=None)
     if field in MOST:
         return least or 0.0, float(MOST[field]), False
     if most is not None and most <= 1000:
