@@ -82,9 +82,10 @@ def ablate(
     from softlab.bench.experiments.advise.ablation_results import print_ablation
 
     asked = scene_of(scene, settings)
+    how = {"scene": asked, "backends": backend, "time": time}
     if asked.fluids:
         from softlab.bench.experiments.advise.fluids_ablation import ablate_fluids, print_fluid_ablation
 
-        measure(store, ablate_fluids, report=print_fluid_ablation, scene=asked, backends=backend, time=time)
+        measure(store, ablate_fluids, how, report=print_fluid_ablation)
         return
-    measure(store, find, report=print_ablation, scene=asked, backends=backend, time=time)
+    measure(store, find, how, report=print_ablation)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 from typing import Annotated
 
 import typer
@@ -67,13 +66,12 @@ def accuracy(options: AccuracyOptions) -> None:
     scenes = labels_of([*(options.names or []), *(options.scene or [])]) or None
     selected = options.integrator or options.precision or scenes
     findings = not selected if options.findings is None else options.findings
-    run = partial(
-        measure, options.store, quick=options.quick, backends=options.backend,
-        where=where_asked(options.cluster, options.workers, options.sbatch),
-    )  # fmt: skip
-    run(run_accuracy, integrators=options.integrator, precisions=options.precision, scenes=scenes)
+    where = where_asked(options.cluster, options.workers, options.sbatch)
+    how = {"quick": options.quick, "backends": options.backend}
+    chosen = {"integrators": options.integrator, "precisions": options.precision, "scenes": scenes}
+    measure(options.store, run_accuracy, how | chosen, where=where)
     for one in experiments("accuracy") if findings else ():
-        run(one)
+        measure(options.store, one, how, where=where)
 
 
 @measuring.command(cls=Timed, epilog="Example: softlab stability --quick   (softlab stability --integrator rk4)")
@@ -90,7 +88,8 @@ def stability(
     from softlab.bench.experiments.stability.experiment import run_stability
 
     where = where_asked(cluster, workers, sbatch)
-    measure(store, run_stability, where=where, timed=False, quick=quick, integrators=integrator, backends=backend)
+    how = {"quick": quick, "integrators": integrator, "backends": backend}
+    measure(store, run_stability, how, where=where, timed=False)
 
 
 @measuring.command(cls=Timed, epilog="Example: softlab hard --quick   (softlab hard --case B5 --integrator rk4)")
@@ -118,8 +117,13 @@ def hard(
     from softlab.bench.stress.results import failed
 
     summary = measure(
-        store, run_hard, report=print_hard, quick=quick, cases=case, integrators=integrator, backends=backend,
-        precisions=precision, pictures=pictures,
+        store,
+        run_hard,
+        {
+            "quick": quick, "cases": case, "integrators": integrator, "backends": backend, "precisions": precision,
+            "pictures": pictures,
+        },
+        report=print_hard,
     )  # fmt: skip
     if not summary.rows and not summary.interrupted:
         raise typer.Exit(2)  # what was chosen is run by none; print_hard says so

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -56,16 +56,17 @@ def print_summary(console: Console, summary: Any) -> None:
 def measure(
     path: Path,
     run: Callable[..., Any],
+    how: Mapping[str, object],
+    *,
     show: Callable[[Console, Any, str], None] | None = None,
     report: Callable[[Console, Any], None] = print_summary,
-    where: Any = None,
+    where: object = None,
     timed: bool = True,
-    **how: Any,
 ) -> Any:
     """Run an experiment into the store, print its results (`show`) and the summary (`report`), and return the summary.
 
-    `where`: run in workers, each with its machine to itself if something is `timed`. Exits with the status of Ctrl-C if that
-    ended it, and with 1 if something was abandoned.
+    `how`: the experiment's arguments; `where`: run in workers, each with its machine to itself if something is `timed`.
+    Exits with the status of Ctrl-C if that ended it, and with 1 if something was abandoned.
     """
     from softlab.bench.store.database import Store
 

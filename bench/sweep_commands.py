@@ -97,12 +97,13 @@ def _sweep_gpus(options: SweepOptions) -> None:
     for word in options.scene or ["grid"]:
         if word not in SCENES:
             raise SceneError("--scene", word, f"with --gpus one of {', '.join(SCENES)}")
-        measure(
-            options.store, Scaling(), Scaling().show, quick=options.quick, backends=options.backend or ["gpu"],
-            precisions=precisions_of(options.precision, ["float32"]), scene=word, gpus=options.gpus, sizes=options.size,
-            exchange_every=options.exchange_every, weak=options.weak,
-            **({"links": options.link} if options.link else {}),
-        )  # fmt: skip
+        how: dict[str, object] = {
+            "quick": options.quick, "backends": options.backend or ["gpu"], "scene": word, "gpus": options.gpus,
+            "precisions": precisions_of(options.precision, ["float32"]), "sizes": options.size,
+            "exchange_every": options.exchange_every, "weak": options.weak,
+        }  # fmt: skip
+        how |= {"links": options.link} if options.link else {}
+        measure(options.store, Scaling(), how, show=Scaling().show)
 
 
 def _sweep_sizes(options: SweepOptions, where: object) -> None:
@@ -110,25 +111,25 @@ def _sweep_sizes(options: SweepOptions, where: object) -> None:
     from softlab.bench.experiments.sweep import THREADS, run_sweep
     from softlab.bench.measure.tables import print_kernels, print_sweep
 
-    run = partial(
-        measure, options.store, quick=options.quick, backends=options.backend, sizes=options.size,
-        max_seconds=options.max_seconds, total_seconds=options.total_seconds, repeats=options.repeats,
-        min_seconds=options.min_ms and options.min_ms / 1000, precisions=precisions_of(options.precision),
-        report=print_sweep,
-    )  # fmt: skip
+    how: dict[str, object] = {
+        "quick": options.quick, "backends": options.backend, "sizes": options.size, "max_seconds": options.max_seconds,
+        "total_seconds": options.total_seconds, "repeats": options.repeats,
+        "min_seconds": options.min_ms and options.min_ms / 1000, "precisions": precisions_of(options.precision),
+    }  # fmt: skip
+    run = partial(measure, options.store, report=print_sweep)
     if options.kernels:
         from softlab.bench.experiments.kernel_sweep import run_kernel_sweep
 
-        run(
-            run_kernel_sweep, print_kernels, where=where, kernels=options.kernel, energy=options.energy,
-            starts=options.starts, again=options.again,
-        )  # fmt: skip
+        how |= {"kernels": options.kernel, "energy": options.energy, "starts": options.starts, "again": options.again}
+        run(run_kernel_sweep, how, show=print_kernels, where=where)
     elif options.peers:
         run_peers = component("softlab.bench.peers.sweep:run_peers", "--peers")
-        run(run_peers, component("softlab.bench.peers.results:print_peers", "--peers"), scenes=options.scene)
+        show = component("softlab.bench.peers.results:print_peers", "--peers")
+        run(run_peers, how | {"scenes": options.scene}, show=show)
     else:
         threads = options.threads or THREADS
-        run(run_sweep, where=where, graphics=options.graphics, threads=threads, again=options.again)
+        how |= {"graphics": options.graphics, "threads": threads, "again": options.again}
+        run(run_sweep, how, where=where)
 
 
 def check_together(options: SweepOptions) -> None:
