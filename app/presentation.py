@@ -68,7 +68,7 @@ class Presentation:
     lines: Callable[[Scene], list[tuple[np.ndarray, float]]] = lambda scene: []
     pieces: Callable[[Scene, np.ndarray, np.ndarray | None, np.ndarray | None], Any] | None = None
     view_options: Callable[[], tuple[str, ...]] = tuple
-    counts: Callable[[Scene], dict[str, object]] = lambda scene: {}
+    counts: Callable[[Scene], dict[str, Any]] = lambda scene: {}
     size: Callable[[Scene], str] = number_of_particles
     report: Callable[[Simulation, State], dict[str, object]] = lambda simulation, state: {}
     max_strain: Callable[[Scene, np.ndarray, Arrays], float | None] = largest_strain

@@ -40,7 +40,7 @@ def _pieces(
 
 def _counts(scene: Scene) -> dict[str, object]:
     bodies = scene.tetrahedra_set
-    counts = {"bodies": len(bodies.parts), "tetrahedra": len(bodies.tetrahedra)}
+    counts: dict[str, object] = {"bodies": len(bodies.parts), "tetrahedra": len(bodies.tetrahedra)}
     return counts | ({"triangles": len(bodies.sheet.mesh.triangles)} if bodies.sheet else {})
 
 

@@ -23,7 +23,7 @@ def check_state_target(path: Path | str) -> Path:
     return check_target(path, (STATE,), "a state or trajectory file")
 
 
-def _write(path: Path, arrays: dict[str, np.ndarray]) -> Path:
+def _write(path: Path, arrays: dict[str, np.ndarray | np.generic]) -> Path:
     with replacing(path) as temporary, open(temporary, "wb") as file:
         save_arrays(file, arrays)
     return path
@@ -35,7 +35,9 @@ def write_state(path: Path | str, state: State) -> Path:
     For bodies also `rotation` (clusters, 4), for plastic ones `plastic` (clusters, 3, 3), for emitters `taps`. If the
     step size was changed, `clock_step` and `clock_time` [s] of the change.
     """
-    arrays: dict[str, np.ndarray] = {name: getattr(state, name) for name in ("position", "velocity", "inverse_mass")}
+    arrays: dict[str, np.ndarray | np.generic] = {
+        name: getattr(state, name) for name in ("position", "velocity", "inverse_mass")
+    }
     arrays |= state.arrays
     if state.clock != START:
         arrays |= {"clock_step": np.int64(state.clock.step), "clock_time": np.float64(state.clock.time)}

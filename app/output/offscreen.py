@@ -80,7 +80,7 @@ class OffscreenRenderer:
         except BaseException:
             self._window.close()
             raise
-        self._fitted, self._fixed = False, False
+        self._fitted, self._fixed, self._closed = False, False, False
         self._weights: np.ndarray | None = None
         self._points: np.ndarray | None = None  # which the view is fitted to
         self.camera = camera_of(scene, width, height)
@@ -94,11 +94,11 @@ class OffscreenRenderer:
 
     def close(self) -> None:
         """Free the picture and its buffers."""
-        if self._window is not None:
+        if not self._closed:
             self._window.switch_to()
             self._view.delete()
             self._window.close()
-            self._window = None
+            self._closed = True
 
     def _frame(self, position: np.ndarray, time: float) -> None:
         """Fit the view to these positions; after the first `fit` it only widens, so that a clip does not jump."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cached_property
 from types import ModuleType, SimpleNamespace
 from typing import Any
 
@@ -44,7 +45,6 @@ class CudaVertices(HostVertices):
         self.shared = True
         self.few = FEW_BYTES if self.flat else 0
         self._refused = ""
-        self._runtime: ModuleType | None = None
         self._resources: dict[int, object] = {}  # buffer -> what CUDA knows it by
 
     def straight(self, simulation: Simulation) -> bool:
@@ -92,11 +92,13 @@ class CudaVertices(HostVertices):
             with self._mapped(buffer, stream) as array:
                 simulation.read(name, into=array)
 
+    @cached_property
+    def _runtime(self) -> ModuleType:
+        return load_runtime()
+
     def _register(self) -> None:
         from pyglet import gl
 
-        if self._runtime is None:
-            self._runtime = load_runtime()
         require_same_gpu(self._runtime)
         discard = self._runtime.cudaGraphicsRegisterFlags.cudaGraphicsRegisterFlagsWriteDiscard
         arrays = {self.position_buffer: self._position} | ({} if self.flat else {self.normal_buffer: self._normal})

@@ -39,7 +39,7 @@ class Job:
     """Work whose result `run`, in any process, leaves on disk. Jobs of one `kind` leave the same."""
 
     kind: Kind
-    run: Callable[[], Any]
+    run: Callable[[], object]
 
     @property
     def key(self) -> str:

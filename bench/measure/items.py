@@ -13,6 +13,7 @@ from softlab.bench.measure.costs_timing import RATIO, Measures, Record
 from softlab.bench.measure.declaration import Experiment
 from softlab.bench.measure.experiment import Report, Summary, source_hash, store_measures
 from softlab.bench.store.database import Store
+from softlab.bench.store.schema import Description
 from softlab.model.base.digest import source_digest
 
 COSTS_VERSION = 1  # part of the resume key of every cost: raise it when how they are sampled changes
@@ -56,7 +57,7 @@ class Finding:
     """One configuration of one finding. `name`: the measure by which the store knows that it is done."""
 
     name: str
-    description: dict[str, Any]
+    description: Description
     sources: str
     measure: Callable[[], Measures]
     worth: int = 1
@@ -78,7 +79,7 @@ class Group:
     `measure`: samples into a record and returns the measures of each variant."""
 
     name: str
-    descriptions: tuple[dict[str, Any], ...]
+    descriptions: tuple[Description, ...]
     sources: str
     measure: Callable[[Record], list[Measures]]
     worth: int = 1

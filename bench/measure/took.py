@@ -36,7 +36,7 @@ class Timed(TyperCommand):
     """A command with an option `store` that first prints its duration last time. Runs that were stopped or measured nothing
     are not stored. Without `softlab --allow-dirty` it measures no code that differs from its commit."""
 
-    def invoke(self, ctx: Any) -> Any:
+    def invoke(self, ctx: Any) -> object:
         refuse_changes(ctx)
         usual = {parameter.name: parameter.default for parameter in self.params}
         options = {name: str(value) for name, value in ctx.params.items() if value != usual[name] and name != "store"}

@@ -8,7 +8,7 @@ from dataclasses import asdict
 from functools import cache
 from math import inf
 from pathlib import Path
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 from weakref import WeakValueDictionary
 
 import numpy as np
@@ -239,7 +239,9 @@ def _unpacked(arrays: dict[str, np.ndarray]) -> CookedBody | None:
         if int(arrays["version"]) != VERSION:
             return None
         report_fields = json.loads(str(arrays["report"]))
-        fields = {name: tuple(one) if isinstance(one, list) else one for name, one in report_fields.items()}
+        fields: dict[str, Any] = {
+            name: tuple(one) if isinstance(one, list) else one for name, one in report_fields.items()
+        }
         report = Report(**fields)
         mesh = TetrahedralMesh(arrays["position"], arrays["tetrahedra"])
         embedding = Embedding(arrays["embedding_tetrahedron"], arrays["embedding_weights"])

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TypeVar
 import importlib.util
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from softlab.model.geometry.mesh_files import read_arrays
 from softlab.model.geometry.solid import Solid, solid
 from softlab.model.geometry.tetrahedra.files import holds_tetrahedra, read_tetrahedra
 
+T = TypeVar("T")
 METRES = (".glb", ".gltf")  # formats whose unit is the metre
 LARGEST_IN_METRES, LARGEST_IN_CENTIMETRES, LARGEST_IN_MILLIMETRES = 20.0, 250.0, 20_000.0  # longest sides, guessed
 LARGEST_PART = 3.0  # longest side of an STL, which CAD programs write in mm, that is taken for metres

@@ -55,7 +55,7 @@ def read_arrays(file: Path) -> dict[str, np.ndarray] | None:
         return None
 
 
-def save_arrays(opened: IO[bytes], arrays: Mapping[str, np.ndarray | float]) -> None:
+def save_arrays(opened: IO[bytes], arrays: Mapping[str, np.ndarray | np.generic | float]) -> None:
     """Write the arrays by name, as an .npz file."""
     save: Callable[..., None] = np.savez  # its stub takes every array for a flag, too
     save(opened, **arrays)

@@ -170,7 +170,7 @@ def collider_rows(scene: Scene, real: Real) -> np.ndarray:
     """
     for name, kind in scene.kinds.items():
         if kind in COLLIDER_KINDS:
-            require_representable(name, scene.surfaces[name], real)
+            require_representable(name, scene.parts[name], real)
     rows = np.zeros((len(scene.colliders), COLLIDER_FIELDS))
     for row, (kind, collider) in zip(rows, scene.colliders, strict=True):
         part = collider.model_dump()

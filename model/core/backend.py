@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from softlab.model.base.errors import InputError
-from softlab.model.base.types import Real
 from softlab.model.core.energy import spring_strain
 from softlab.model.core.family import written
 from softlab.model.scene.scene import Scene
@@ -22,7 +21,7 @@ class Backend(ABC):
     name, or have an implementation that is valid on any backend."""
 
     scene: Scene
-    real: Real  # the numpy type of the precision
+    real: Any  # the numpy type of the precision
     contacts: Any = None  # of surfaces, and the number of those that did not fit
 
     @abstractmethod

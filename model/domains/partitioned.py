@@ -15,6 +15,7 @@ from softlab.model.core.simulation import Simulation
 from softlab.model.domains.windows import WindowedSimulation, refuse_targets
 from softlab.model.particles.particle_set import ParticleSet
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.parts import Grid
 
 
 def is_partitioned(scene: Scene, count: int) -> bool:
@@ -82,7 +83,9 @@ class PartitionedBodies(WindowedSimulation):
 
         def send(window: Simulation, part: Part) -> None:
             if changed:
-                window.scene = self._window_scene(self.scene, window.scene.grid)
+                particles = window.scene.grid
+                assert not isinstance(particles, Grid)
+                window.scene = self._window_scene(self.scene, particles)
             here = np.flatnonzero(part.particles == self._poke_particle)
             self._hand_on(window, int(here[0]) if len(here) else -1)
 

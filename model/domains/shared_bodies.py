@@ -96,7 +96,7 @@ class SharedBodies(BodiesSimulation, WindowedSimulation):
 
         def send(window: BodiesSimulation, block: Block) -> None:
             if changed:
-                window.scene = self.scene.with_particles(self._apart.attribute, window.scene.grid)
+                window.scene = self.scene.with_particles(self._apart.attribute, window.scene.body_set)
             here = block.first_particle <= self._poke_particle < block.end_particle
             self._hand_on(window, self._poke_particle - block.first_particle if here else -1)
 

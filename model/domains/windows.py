@@ -37,7 +37,7 @@ class WindowedSimulation(Simulation):
     """
 
     exchange: Exchange
-    windows: list[Simulation]
+    windows: list[Any]
     firsts: list[int]
 
     def _open_windows(self, count: int, parts: Sequence[tuple[Scene, Options, Body]]) -> None:

@@ -17,8 +17,7 @@ from softlab.model.particles.body_set import BodySet
 from softlab.model.particles.fluid_set import FluidSet
 from softlab.model.particles.tetrahedra_set import TetrahedraSet
 from softlab.model.tables.mesh import Mesh
-
-Member = BodySet | TetrahedraSet | FluidSet | Mesh  # particles of a member
+from softlab.model.tables.parts import Grid
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +58,7 @@ class WorldSet(ParticleRow):
         return {name: slice(*self.first[k : k + 2].tolist()) for k, name in enumerate(self.names)}
 
 
-def make_world_set(members: Mapping[str, Member]) -> WorldSet:
+def make_world_set(members: Mapping[str, Grid | BodySet | TetrahedraSet | FluidSet | WorldSet]) -> WorldSet:
     """Return the set of the members' own sets, by name. Raises SceneError where there are too many particles."""
     counts = [one.particle_count for one in members.values()]
     if sum(counts) > MAX_PARTICLES:
@@ -72,11 +71,14 @@ def make_world_set(members: Mapping[str, Member]) -> WorldSet:
     return WorldSet(tuple(members), first, position, velocity, masses, pinned, spacing)
 
 
-def _of(part: Member) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def _of(
+    part: Grid | BodySet | TetrahedraSet | FluidSet | WorldSet,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return (position, velocity, masses, pinned) of a member's particles."""
     if isinstance(part, Mesh):
         position = mesh_of(part).position + part.origin
         by_rows = part.file is None
         pinned = pin_indices(part.pinned, part.rows, part.columns) if by_rows else pinned_vertices(part)
         return position, np.zeros_like(position), vertex_masses(part), pinned
+    assert not isinstance(part, Grid)
     return part.position, part.velocity, part.masses, part.pinned_vertices

@@ -9,7 +9,7 @@ import json
 import re
 from collections.abc import Collection, Mapping
 from functools import cached_property
-from typing import Any, Generic, Self, TypeVar
+from typing import Any, Generic, NoReturn, Self, TypeVar
 
 from pydantic import ValidationError
 
@@ -77,32 +77,34 @@ def _build_part(name: str, part_class: type[P], fields: Table) -> P:
         raise SceneError(name, sorted(map(str, fields)), "its keys must be names") from None
 
 
-class _One(property, Generic[P]):
-    """Property of a scene: its part of a class that occurs at most once, or None."""
+class _Lookup(Generic[P]):
+    """Base of the properties of a scene that look up its parts of a class."""
 
     def __init__(self, part_class: type[P]):
-        super().__init__()
         self.part_class = part_class
 
-    def __get__(self, scene: SceneParts, owner: type | None = None) -> P | None:
+    def __set__(self, scene: SceneParts, value: object) -> NoReturn:
+        raise AttributeError("the parts of a scene cannot be replaced; use Scene.replace")
+
+
+class _One(_Lookup[P]):
+    """The part that occurs at most once, or None."""
+
+    def __get__(self, scene: SceneParts, owner: type) -> P | None:
         return scene.one(self.part_class)
 
 
-class _Parts(property, Generic[P]):
-    """Property of a scene: its parts of a class, by name, in the order of the file."""
+class _Parts(_Lookup[P]):
+    """All parts by name, in the order of the file."""
 
-    def __init__(self, part_class: type[P]):
-        super().__init__()
-        self.part_class = part_class
-
-    def __get__(self, scene: SceneParts, owner: type | None = None) -> dict[str, P]:
+    def __get__(self, scene: SceneParts, owner: type) -> dict[str, P]:
         return scene.parts_of(self.part_class)
 
 
-class _DirectParts(_Parts[P]):
-    """The same; none in a world, whose members have them."""
+class _DirectParts(_Lookup[P]):
+    """All parts by name; none in a world, whose members have them."""
 
-    def __get__(self, scene: SceneParts, owner: type | None = None) -> dict[str, P]:
+    def __get__(self, scene: SceneParts, owner: type) -> dict[str, P]:
         return {} if scene.is_world else scene.parts_of(self.part_class)
 
 
@@ -330,7 +332,7 @@ class SceneParts:
     @property
     def holdable(self) -> dict[str, Part]:
         """The parts that can be attached, by name: tetrahedral bodies, then a cloth beside them."""
-        return self.tetrahedra if self.is_world else self.tetrahedra | self.parts_of(Mesh)
+        return {} if self.is_world else {**self.tetrahedra, **self.parts_of(Mesh)}
 
     # Parts by name, in the order of the file; those of a family are the members' in a world.
     attachment_parts = _DirectParts(Attachment)  # of bodies and a cloth to the world, colliders and one another

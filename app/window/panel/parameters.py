@@ -133,7 +133,7 @@ def _range(field: str, info: FieldInfo, kind: str, value: float) -> tuple[float,
     """Return (lowest, highest value, True if logarithmic) of a slider about a `value`, within the bounds of the field."""
     marks = marks_of(info)
     bounds = [mark.ge if isinstance(mark, Ge) else mark.gt for mark in marks if isinstance(mark, Ge | Gt)]
-    least = max(map(float, bounds), default=None)
+    least = max((float(bound) for bound in bounds if isinstance(bound, int | float)), default=None)
     above = any(isinstance(mark, Gt) for mark in marks)
     limits = [mark.le for mark in marks if isinstance(mark, Le)]
     most = min((float(limit) for limit in limits if isinstance(limit, int | float)), default=None)
