@@ -39,6 +39,23 @@ class Fitted:
     strain_range: float
 
 
+@dataclass(frozen=True)
+class Picture:
+    """`width` x `height` pixels, rounded down to even numbers for a clip, under a `caption` (None: the scene's title).
+
+    A clip has `fps` frames/s, not necessarily an integer. `view_options`: see OffscreenRenderer.
+    `legend` False: no text in the picture. `fitted`: the view of a clip (None: it widens with the motion).
+    """
+
+    width: int = 1280
+    height: int = 960
+    caption: str | None = None
+    fps: float = 60
+    view_options: tuple[str, ...] = ()
+    legend: bool = True
+    fitted: Fitted | None = None
+
+
 class OffscreenRenderer:
     """Draws states of one scene into a picture of `width` x `height` pixels; a context manager.
 
@@ -217,31 +234,28 @@ def render_frame(
     scene: Scene,
     position: np.ndarray,
     path: Path | str,
-    width: int = 1280,
-    height: int = 960,
+    picture: Picture = Picture(),
     *,
-    caption: str | None = None,
-    legend: bool = True,
     lines: bool = False,
     time: float = 0.0,
     inverse_mass: np.ndarray | None = None,
-    view_options: Sequence[str] = (),
     velocity: np.ndarray | None = None,
     foam: FoamPoints | None = None,
 ) -> Path:
     """Draw a state (particles, dimensions) [m] of `scene` into a PNG and return its path.
 
-    `caption` None: the scene's title. In space, `lines`: as springs, or particles, instead of a surface; `time` [s]:
-    for the positions of moving colliders; `inverse_mass`, as in State: marks inactive bodies; `view_options`: see
-    OffscreenRenderer; `velocity` (particles, dimensions) [m/s] and `foam`: of a fluid, if known. Raises InputError
-    (name, folder, size, shape) and BackendUnavailable (no off-screen OpenGL).
+    In space, `lines`: as springs, or particles, instead of a surface; `time` [s]: for the positions of moving colliders;
+    `inverse_mass`, as in State: marks inactive bodies; `velocity` (particles, dimensions) [m/s] and `foam`: of a fluid,
+    if known. Raises InputError (name, folder, size, shape) and BackendUnavailable (no off-screen OpenGL).
     """
     path = check_target(path, (".png",))
-    with OffscreenRenderer(scene, width, height, legend=legend, lines=lines, view_options=view_options) as renderer:
+    with OffscreenRenderer(
+        scene, picture.width, picture.height, legend=picture.legend, lines=lines, view_options=picture.view_options
+    ) as renderer:
         renderer.show_bodies(inverse_mass)
         renderer.fit(position, time)
-        if caption is not None:
-            renderer.caption = caption
+        if picture.caption is not None:
+            renderer.caption = picture.caption
         renderer.show_foam(foam)
         renderer.draw(position, time, velocity=velocity)
         return write_png(path, renderer.image())

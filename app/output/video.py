@@ -9,16 +9,15 @@ import subprocess
 import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
-from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 from time import perf_counter
 from types import TracebackType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from softlab.app.output.offscreen import Fitted, OffscreenRenderer, render_frame
+from softlab.app.output.offscreen import OffscreenRenderer, Picture, render_frame
 from softlab.app.presentation import presentation_of
 from softlab.model.base.errors import BackendUnavailable, InputError
 from softlab.model.base.files import check_target, replacing
@@ -34,23 +33,6 @@ PROGRESS_AFTER = 1.0  # s
 MOST_RATE = 1000  # denominator of a rate: an MP4's time has an integer number of ticks per second
 FULL, DISK_FULL = "No space left", "no space left on the disk"  # ffmpeg's words, and ours
 MIN_FREE_BYTES = 1 << 16  # bytes: with less a disk counts as full
-
-
-@dataclass(frozen=True)
-class Picture:
-    """`width` x `height` pixels, rounded down to even numbers for a clip, under a `caption` (None: the scene's title).
-
-    A clip has `fps` frames/s, not necessarily an integer. `view_options`: see OffscreenRenderer.
-    `legend` False: no text in the picture. `fitted`: the view of a clip (None: it widens with the motion).
-    """
-
-    width: int = 1280
-    height: int = 960
-    caption: str | None = None
-    fps: float = 60
-    view_options: tuple[str, ...] = ()
-    legend: bool = True
-    fitted: Fitted | None = None
 
 
 # position [m], time [s], and a cloth's normals and velocities [m/s] of particles, if they are known
@@ -287,11 +269,9 @@ def render(
     if scene is None:
         raise InputError("positions alone cannot be drawn; give their scene, too")
     if not clip:
-        size, words = (picture.width, picture.height), picture.caption
-        how: dict[str, Any] = {"time": time, "inverse_mass": inverse_mass, "view_options": picture.view_options}
-        how["legend"] = picture.legend
-        how |= {"velocity": velocity, "foam": foam}
-        return render_frame(scene, position, path, *size, caption=words, **how)
+        return render_frame(
+            scene, position, path, picture, time=time, inverse_mass=inverse_mass, velocity=velocity, foam=foam
+        )
     if position.ndim != 3:
         raise InputError(f"positions of shape {position.shape}; a clip needs (frames, particles, {scene.dimensions})")
     states = ((frame, time, None, None) for frame in position)

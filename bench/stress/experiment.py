@@ -274,7 +274,7 @@ def _shape(scene: Scene, end: Any) -> str:
 
 def _draw(summary: HardSummary, ends: list[tuple[_Work, Outcome]], folder: Path, show: bool) -> None:
     """Draw a picture of every stored end state; without OpenGL, set `summary.no_pictures` to the reason."""
-    from softlab.app.output.offscreen import opengl_available, render_frame
+    from softlab.app.output.offscreen import Picture, opengl_available, render_frame
 
     if not ends:
         return
@@ -288,7 +288,7 @@ def _draw(summary: HardSummary, ends: list[tuple[_Work, Outcome]], folder: Path,
             scene, _ = case_scene(work.case, work.method)
             words = [work.case.name.replace(" ", "-"), work.method, work.precision, work.backend]
             caption = f"{work.case.name}: {work.case.title}, {work.method}: {outcome.verdict}"
-            picture = folder / f"{'-'.join(words)}.png"
+            target = folder / f"{'-'.join(words)}.png"
             assert outcome.end is not None  # only runs with an end state are drawn
-            render_frame(scene, outcome.end, picture, 640, 480, caption=caption, time=outcome.time)
+            render_frame(scene, outcome.end, target, Picture(640, 480, caption), time=outcome.time)
             summary.pictures += 1

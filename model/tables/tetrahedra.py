@@ -9,7 +9,7 @@ from typing import Annotated, ClassVar, Literal, TypeVar
 import numpy as np
 from pydantic import Field, model_validator
 
-from softlab.model.assets.cooked import cooked, is_settled
+from softlab.model.assets.cooked import Repair, cooked, is_settled
 from softlab.model.assets.tetrahedral_body import CookedBody
 from softlab.model.base.table import ZERO, AtLeastOne, Count, Flag, NotNegative, Part, Positive, Vector
 from softlab.model.geometry.topology import mesh_path
@@ -85,7 +85,7 @@ class TetrahedralBody(MeshSource):
         voxels = None if self.edge is not None or is_settled(source) else self.voxels
         return cooked(
             source, edge=self.edge, voxels=voxels, per_voxel=self.tetrahedra, scale=self.scale, density=self.density,
-            fill_holes=self.fill_holes,
+            repair=Repair(fill_holes=self.fill_holes),
         )  # fmt: skip
 
     @property
