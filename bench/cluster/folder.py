@@ -17,11 +17,10 @@ from __future__ import annotations
 import json
 import os
 import pickle
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
 
 from softlab.model.base.errors import InputError
 from softlab.model.base.files import why
@@ -40,8 +39,8 @@ class Order:
     seconds between signs of life; a sweep without any for `patience` of them is gone.
     """
 
-    run: Any
-    how: dict[str, Any]
+    run: Callable[..., object]
+    how: dict[str, object]
     command: str
     backends: tuple[str, ...] | None
     version: tuple[str, ...]

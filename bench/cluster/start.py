@@ -8,7 +8,6 @@ import uuid
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
 
 from softlab.bench.cluster.dask_pool import DaskPool
 from softlab.bench.cluster.folder import Folder, Order
@@ -27,7 +26,7 @@ FOLDER = ".workers"  # replaces the store's suffix
 
 def on_cluster(
     store: Store,
-    run: Any,
+    run: Callable[..., object],
     where: Where,
     *,
     timed: bool = True,
@@ -35,7 +34,7 @@ def on_cluster(
     progress: bool = True,
     beat: float = 1.0,
     pool: Callable[[Path], Pool] | None = None,
-    how: Mapping[str, Any],
+    how: Mapping[str, object],
 ) -> ClusterSummary:
     """Measure what the store lacks of an experiment on the workers of `where`, and return a summary.
 

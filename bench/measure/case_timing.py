@@ -106,7 +106,7 @@ def _rank(row: Row, name: str) -> Any:
     return -value if name.startswith("-") else value
 
 
-class Rates(Experiment):
+class Rates(Experiment[Case, Row]):
     """Experiment on the rate of work of cases.
 
     `step`, `rate`, `kernel`: names of its measures in the store, by default after `name`: the median step [s], `work` of the

@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Protocol
 
 from softlab.bench.measure import costs_timing
 from softlab.bench.measure.costs_timing import RATIO, Measures, Record
-from softlab.bench.measure.declaration import Experiment
+from softlab.bench.measure.declaration import Experiment, RowType
 from softlab.bench.measure.experiment import Report, Summary, source_hash, store_measures
 from softlab.bench.store.database import Store
 from softlab.bench.store.schema import Description
@@ -28,7 +28,7 @@ class Item(Protocol):
     def run(self, store: Store, run: str, report: Callable[[str], None]) -> None: ...
 
 
-class Items(Experiment):
+class Items(Experiment[Item, RowType]):
     """An experiment of single items, measured one after another; `doing`: text of the bar before each."""
 
     doing: ClassVar[str] = ""

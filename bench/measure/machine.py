@@ -36,11 +36,11 @@ IDENTITY = (  # what tells two machines apart: hardware, and the versions that c
 MIN_COPY_BYTES = 1 << 28  # of one array
 
 
-def machine_record() -> dict[str, Any]:
+def machine_record() -> dict[str, object]:
     """The facts, nothing measured: cpu, cores, caches [B], memory, versions, gpu ... None: not known, or none."""
     from softlab.cpu_backend.core.processor import processor_name
 
-    record: dict[str, Any] = {
+    record: dict[str, object] = {
         "cpu": processor_name(),
         "cores": core_count(),
         "caches": _caches(),
@@ -68,7 +68,7 @@ def machine_key(record: Mapping[str, object]) -> str:
     return hashlib.sha256(canonical(identity).encode()).hexdigest()[:12]
 
 
-def machine_label(record: dict[str, Any]) -> str:
+def machine_label(record: Mapping[str, Any]) -> str:
     """The machine in a caption: `AMD EPYC 7B12, 2 cores; no GPU`."""
     cpu = re.sub(r"\((R|TM|r|tm)\)| CPU| Processor|@.*$|\d+-Core", "", record["cpu"])
     cores = f"{record['cores']} core" + ("s" if record["cores"] != 1 else "")

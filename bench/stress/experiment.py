@@ -31,6 +31,7 @@ from softlab.bench.measure.experiment import (
 from softlab.bench.measure.progress import progress_bar
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import configuration, measures_of
+from softlab.bench.store.schema import Description
 from softlab.bench.stress.case import HardCase
 from softlab.bench.stress.cases import CASES
 from softlab.bench.stress.results import CHECK, CODES, SHAPE, VERDICT, HardSummary, rows_of
@@ -155,7 +156,7 @@ class _Work:
     method: str
     backend: str
     precision: str
-    description: dict[str, Any]
+    description: Description
     sources: str
 
     def __str__(self) -> str:
@@ -266,7 +267,7 @@ def _judge(store: Store, summary: HardSummary, work: _Work, first: str, ends: li
     summary.measured += 1
 
 
-def _shape(scene: Scene, end: Any) -> str:
+def _shape(scene: Scene, end: np.ndarray) -> str:
     if scene.content == "sheet":
         return as_text(end, scene.grid.rows, scene.grid.columns)
     return bodies_as_text(end, scene.body_set.body if scene.copies else np.zeros(len(end), int))
