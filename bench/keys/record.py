@@ -155,7 +155,7 @@ class _Compiled:
         self._codelibrary = SimpleNamespace(get_cufunc=lambda: function)
         self._multiprocessors = multiprocessors
 
-    def max_cooperative_grid_blocks(self, threads: int, *_: object) -> int:
+    def max_cooperative_grid_blocks(self, threads: int, shared_bytes: int = 0) -> int:
         return self._multiprocessors * max(1, 1024 // max(1, int(threads)))
 
 

@@ -30,7 +30,7 @@ BAR_SQUARES = (2, 4, 8, 16)
 VOXEL, SLENDER = 0.1, 5  # m; ratio of length to width
 LAYERS = 10  # beams per tower
 REST = 120  # steps of 1/60 s after which a tower is at rest
-TOWERS = {
+TOWERS: dict[str, Table] = {
     "title": "Towers of rigid beams",
     "beams": {
         "kind": "rigid_body", "shape": {"name": "beam"}, "particle_spacing": 0.125, "volume_sampling": 1.0,
@@ -84,7 +84,7 @@ def _implicit(steps: int) -> PeerScene:
 
 
 def _towers(rows: int, columns: int) -> Scene:
-    beams = TOWERS["beams"] | {"copies": [columns, LAYERS, rows]}  # type: ignore[operator]
+    beams = TOWERS["beams"] | {"copies": [columns, LAYERS, rows]}
     return Scene(TOWERS | {"beams": beams})
 
 

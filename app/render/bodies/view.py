@@ -173,23 +173,20 @@ class BodiesView(View):
 
     def toggle_lines(self) -> bool:
         """Exchange particles and skin. Returns True if particles are shown now."""
-        self.particles, self.skin = not self.lines, self.lines
+        self._show(not self.lines, self.lines)
         return self.lines
 
-    @property
-    def lines(self) -> bool:  # type: ignore[override]
-        """True if particles are shown and no skin."""
-        return not self.skin
+    def _show(self, particles: bool, skin: bool) -> None:
+        """Show particles and skins, or one of them."""
+        self.particles, self.skin, self.lines = particles, skin, not skin
 
     def toggle_particles(self) -> None:
         """Show or hide the particles; without a skin they stay."""
-        self.particles = not self.particles
-        self.skin |= not self.particles
+        self._show(not self.particles, self.skin or self.particles)
 
     def toggle_skin(self) -> None:
         """Show or hide the skin; without it the particles are shown."""
-        self.skin = not self.skin
-        self.particles |= not self.skin
+        self._show(self.particles or self.skin, not self.skin)
 
     # ------------------------------------------------------------------ the picture
 
