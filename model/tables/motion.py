@@ -111,7 +111,8 @@ def check_inside(places: Iterable[Sequence[int]], sheet: Grid, field: str) -> No
 def masses_of(pins: MeshPins, sheet: Grid, field: str) -> np.ndarray:
     """Return the sorted indices (masses,) int64 of the masses of a sheet that `pins` names. Raises SceneError as
     `check_inside`."""
-    check_inside(np.reshape(pins, (-1, 2)).tolist() if isinstance(pins, list) else (), sheet, field)
+    places = [place for place in pins if isinstance(place, Sequence)] if isinstance(pins, list) else []
+    check_inside(places, sheet, field)
     return pin_indices(pins, sheet.rows, sheet.columns)
 
 

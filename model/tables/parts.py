@@ -62,13 +62,12 @@ class Grid(Part):
 
     def _check_pins(self) -> None:
         """Raise ValueError for pins [row, column] outside the sheet."""
-        if isinstance(self.pinned, list):
-            for row, column in np.reshape(self.pinned, (-1, 2)).tolist():
-                if not (0 <= row < self.rows and 0 <= column < self.columns):
-                    raise ValueError(
-                        f"pinned: [{row}, {column}] lies outside the grid; rows are 0 to {self.rows - 1}, "
-                        f"columns 0 to {self.columns - 1}"
-                    )
+        for place in self.pinned if isinstance(self.pinned, list) else ():
+            if isinstance(place, tuple) and not (0 <= place[0] < self.rows and 0 <= place[1] < self.columns):
+                raise ValueError(
+                    f"pinned: {list(place)} lies outside the grid; rows are 0 to {self.rows - 1}, "
+                    f"columns 0 to {self.columns - 1}"
+                )
 
     @property
     def particle_count(self) -> int:
