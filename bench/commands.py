@@ -67,7 +67,7 @@ def accuracy(options: AccuracyOptions) -> None:
     selected = options.integrator or options.precision or scenes
     findings = not selected if options.findings is None else options.findings
     where = where_asked(options.cluster, options.workers, options.sbatch)
-    how = {"quick": options.quick, "backends": options.backend}
+    how: dict[str, object] = {"quick": options.quick, "backends": options.backend}
     chosen = {"integrators": options.integrator, "precisions": options.precision, "scenes": scenes}
     measure(options.store, run_accuracy, how | chosen, where=where)
     for one in experiments("accuracy") if findings else ():

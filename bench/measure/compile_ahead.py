@@ -142,7 +142,7 @@ def _done(missing: Mapping[str, Job], workers: int, progress: bool) -> Sequence[
     done: list[str] = []
     pool = ProcessPoolExecutor(workers, context, signal.signal, (signal.SIGINT, signal.SIG_IGN))
     try:
-        futures: dict[Future[None], str] = {pool.submit(job.run): key for key, job in missing.items()}
+        futures: dict[Future[object], str] = {pool.submit(job.run): key for key, job in missing.items()}
         with progress_bar(progress) as bar:
             task = bar.add_task(f"preparing on {workers} processes", total=len(missing))
             for future in as_completed(futures):

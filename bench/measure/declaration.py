@@ -43,7 +43,7 @@ class Option:
     usual: Sequence[Value] | None = None
     quick: Sequence[Value] | None = None
 
-    def chosen(self, wanted: Sequence[Value] | bool | None, quick: bool) -> bool | list[Value]:
+    def chosen(self, wanted: Any, quick: bool) -> bool | list[Value]:
         """Return the wanted values, each once, or the usual ones. Raises SceneError for a value that is not allowed."""
         if self.type is bool:
             return bool(wanted)

@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Any, Self, TypeVar
+from typing import Any, Self, TypedDict, TypeVar
 
 from softlab.bench.keys.enter import enter_keys, same_kernels
 from softlab.bench.measure.compile_ahead import Job, compilations, do_ahead
@@ -38,7 +38,15 @@ def source_hash(backend: str) -> str:
     return f"{digest_of(backend)}-{MEASUREMENT}"
 
 
-def host_of(backend: str, threads: str | int = "1x") -> dict[str, object]:
+class Host(TypedDict, total=False):
+    """The entries of a configuration for its host; for a GPU none."""
+
+    threads: int
+    layer: str
+    wait_policy: str
+
+
+def host_of(backend: str, threads: str | int = "1x") -> Host:
     """Return the entries of a configuration for its host: `threads` as requested, and more; for a GPU none."""
     if backend != "cpu":
         return {}
@@ -216,7 +224,7 @@ def _take_same(store: Store, summary: Summary, cases: Sequence[Any], command: st
     return True
 
 
-def _descriptions(case: object) -> Sequence[Description]:
+def _descriptions(case: Any) -> Sequence[Description]:
     """Return the configurations of a case, or of a group that is measured as one."""
     return getattr(case, "descriptions", None) or [case.description]
 

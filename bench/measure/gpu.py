@@ -27,7 +27,7 @@ def gpu_simulated() -> bool:
     return os.environ.get("NUMBA_ENABLE_CUDASIM", "0") not in ("0", "")
 
 
-def gpu_facts() -> dict[str, object]:
+def gpu_facts() -> dict[str, Any]:
     """FACTS, for the record of a machine; None where not known, or there is none."""
     facts: dict[str, object] = dict.fromkeys(FACTS)
     available, name = gpu_or_reason()

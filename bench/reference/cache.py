@@ -59,7 +59,7 @@ def cached_reference(
     `per_radian`: initial number of steps, which the tolerance refines. Raises what `converged` raises.
     """
     file = folder / f"reference-{key(scene, time, inertia, tolerance)}.npz" if folder else None
-    how: dict[str, object] = {"inertia": inertia, "tolerance": tolerance, "per_radian": per_radian}
+    how: dict[str, float] = {"inertia": inertia, "tolerance": tolerance, "per_radian": per_radian}
     return cached_state(file, scene, lambda: Converged(*converged(scene, time, **how)))
 
 

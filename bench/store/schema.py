@@ -55,7 +55,7 @@ def _create(table: str) -> str:
     return f"CREATE TABLE {table} ({', '.join(columns + key)})"
 
 
-Description = Mapping[str, Any]  # of a configuration, by which the store knows it: JSON values by name
+Description = dict[str, Any]  # of a configuration, by which the store knows it: JSON values by name
 
 SCHEMA = (  # statements that make the tables
     "CREATE TABLE schema_version (version INTEGER NOT NULL)",
