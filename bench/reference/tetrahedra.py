@@ -205,7 +205,7 @@ def square(a: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Method:
-    """How tetrahedra are stepped.
+    """Parameters of a step of tetrahedra.
 
     `order`: sets of tetrahedra without a common vertex, one after the other, `iterations` times a substep; `damping_time`
     [s]: tau; `drag` [1/s]: of the velocity, in proportion to mass; `scheme`: a key of SCHEMES, or "blocks".

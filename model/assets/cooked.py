@@ -53,7 +53,7 @@ Source = Shape | str | Path | TriangleMesh | tuple[np.ndarray, np.ndarray]
 
 @dataclass(frozen=True)
 class Repair:
-    """What is done to a surface first: with `unite` pieces that overlap become one; then at most `simplify` triangles are
+    """Preparation of a surface: with `unite` pieces that overlap become one; then at most `simplify` triangles are
     left (geometry/repair.py); `fill_holes`: its holes are closed."""
 
     unite: bool = False

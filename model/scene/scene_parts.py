@@ -105,7 +105,7 @@ class _DirectParts(_Lookup[P]):
     """All parts by name; none in a world, whose members have them."""
 
     def __get__(self, scene: SceneParts, owner: type) -> dict[str, P]:
-        return {} if scene.is_world else scene.parts_of(self.part_class)
+        return scene.direct_parts(self.part_class)
 
 
 class SceneParts:
@@ -175,6 +175,10 @@ class SceneParts:
     def parts_of(self, part_class: type[P]) -> dict[str, P]:
         """Return the parts of a class, by name, in the order of the file."""
         return {name: part for name, part in self.parts.items() if isinstance(part, part_class)}
+
+    def direct_parts(self, part_class: type[P]) -> dict[str, P]:
+        """Return the parts as by `parts_of`; none in a world, whose members have them."""
+        return {} if self.is_world else self.parts_of(part_class)
 
     def one(self, part_class: type[P]) -> P | None:
         """Return the part of a class that occurs at most once, or None."""
@@ -332,7 +336,7 @@ class SceneParts:
     @property
     def holdable(self) -> dict[str, Part]:
         """The parts that can be attached, by name: tetrahedral bodies, then a cloth beside them."""
-        return {} if self.is_world else {**self.tetrahedra, **self.parts_of(Mesh)}
+        return {**self.tetrahedra, **self.direct_parts(Mesh)}
 
     # Parts by name, in the order of the file; those of a family are the members' in a world.
     attachment_parts = _DirectParts(Attachment)  # of bodies and a cloth to the world, colliders and one another
@@ -360,7 +364,7 @@ class SceneParts:
 
     @property
     def method(self) -> Method:
-        """How the scene is stepped; every scene has one once it was made."""
+        """The way in which the scene is stepped; every scene has one once it was made."""
         method = self.one(Method)
         assert method is not None
         return method

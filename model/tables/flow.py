@@ -144,7 +144,7 @@ FLOW_KINDS: dict[str, type[Part]] = {"emitter": Emitter, "sink": Sink}
 
 
 class Lattice(Protocol):
-    """What the functions below read of a scene's fluids."""
+    """A scene's fluids, as the functions below read them."""
 
     @property
     def spacing(self) -> float: ...
@@ -153,7 +153,7 @@ class Lattice(Protocol):
 
 
 class Emitting(Protocol):
-    """What the functions below read of a scene."""
+    """A scene, as the functions below read it."""
 
     @property
     def emitters(self) -> Mapping[str, Emitter]: ...
