@@ -21,6 +21,7 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import Any
 
 from softlab.model.base.errors import InputError
 from softlab.model.base.files import why
@@ -39,7 +40,7 @@ class Order:
     seconds between signs of life; a sweep without any for `patience` of them is gone.
     """
 
-    run: Callable[..., object]
+    run: Callable[..., Any]
     how: dict[str, object]
     command: str
     backends: tuple[str, ...] | None

@@ -8,6 +8,7 @@ import uuid
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 from softlab.bench.cluster.dask_pool import DaskPool
 from softlab.bench.cluster.folder import Folder, Order
@@ -26,7 +27,7 @@ FOLDER = ".workers"  # replaces the store's suffix
 
 def on_cluster(
     store: Store,
-    run: Callable[..., object],
+    run: Callable[..., Any],
     where: Where,
     *,
     timed: bool = True,
@@ -34,7 +35,7 @@ def on_cluster(
     progress: bool = True,
     beat: float = 1.0,
     pool: Callable[[Path], Pool] | None = None,
-    how: Mapping[str, object],
+    how: Mapping[str, Any],
 ) -> ClusterSummary:
     """Measure what the store lacks of an experiment on the workers of `where`, and return a summary.
 

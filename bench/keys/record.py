@@ -45,9 +45,11 @@ def recorded() -> Iterator[list[Launch]]:
     def note(kernel: object, arguments: tuple[object, ...]) -> None:
         calls.append(Launch(kernel, arguments))
 
-    def note_or_run(kernel: object, *arguments: object) -> object:
-        building = sys._getframe(1).f_code.co_name in BUILDING
-        return run(kernel, *arguments) if building else note(kernel, arguments)
+    def note_or_run(kernel: Any, *arguments: object) -> object:
+        if sys._getframe(1).f_code.co_name in BUILDING:
+            return run(kernel, *arguments)
+        note(kernel, arguments)
+        return None
 
     with ExitStack() as stack:
         stack.enter_context(patch.object(CPUDispatcher, "__call__", note_or_run, create=True))

@@ -78,7 +78,7 @@ class _Towers(Replayed):
         down = scene.gravity.acceleration if scene.gravity and scene.gravity.enabled else 0.0
         builder = newton.ModelBuilder(up_axis=newton.Axis.Y, gravity=(0.0, -down, 0.0))
         (plane,) = scene.colliders
-        beam = next(iter(scene.bodies.values()))
+        beam: Any = next(iter(scene.bodies.values()))
         material = newton.ModelBuilder.ShapeConfig(
             density=beam.density, mu=plane[1].dynamic_friction, ke=CONTACT_STIFFNESS, kd=CONTACT_DAMPING
         )

@@ -30,7 +30,7 @@ BAR_SQUARES = (2, 4, 8, 16)
 VOXEL, SLENDER = 0.1, 5  # m; ratio of length to width
 LAYERS = 10  # beams per tower
 REST = 120  # steps of 1/60 s after which a tower is at rest
-TOWERS: dict[str, Table] = {
+TOWERS: Table = {
     "title": "Towers of rigid beams",
     "beams": {
         "kind": "rigid_body", "shape": {"name": "beam"}, "particle_spacing": 0.125, "volume_sampling": 1.0,
@@ -170,5 +170,5 @@ def shape_of(scene: Tables) -> tuple[int, int]:
     return across * deep, high
 
 
-def _by_kind(scene: Tables) -> dict[str, Table]:
+def _by_kind(scene: Tables) -> dict[str, Tables]:
     return {part.get("kind", name): part for name, part in scene.items() if isinstance(part, Mapping)}

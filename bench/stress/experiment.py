@@ -259,6 +259,7 @@ def _judge(store: Store, summary: HardSummary, work: _Work, first: str, ends: li
         for place, check in enumerate(outcome.checks)
     }
     if drawn:
+        assert outcome.end is not None
         scene, _ = case_scene(work.case, work.method)
         numbers[SHAPE] = None, "m", _shape(scene, outcome.end)
         ends.append((work, outcome))
