@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 from softlab.model.base.errors import Diverged
 from softlab.model.contact.shortfalls import CAUGHT, FAULTS
@@ -11,14 +10,14 @@ from softlab.model.contact.shortfalls import CAUGHT, FAULTS
 OK, INCOMPLETE, DIVERGED = "ok", "incomplete", "diverged"
 
 
-def outcome_of(report: Mapping[str, Any], diverged: Diverged | None = None) -> str:
+def outcome_of(report: Mapping[str, object], diverged: Diverged | None = None) -> str:
     """Return the outcome of a run in one word. `report` contains the counts of FAULTS that apply to its scene."""
     if diverged is not None:
         return DIVERGED
     return INCOMPLETE if any(report.get(name) for name in FAULTS) else OK
 
 
-def fault_lines(report: Mapping[str, Any]) -> list[str]:
+def fault_lines(report: Mapping[str, object]) -> list[str]:
     """Return a sentence for each fault of a run: what is wrong, by how much, and what helps."""
     lines = []
     if lost := report.get("contacts_lost"):
@@ -51,7 +50,7 @@ def fault_lines(report: Mapping[str, Any]) -> list[str]:
     return lines
 
 
-def fault_words(report: Mapping[str, Any]) -> str:
+def fault_words(report: Mapping[str, object]) -> str:
     """Return the faults of a run in a few words: `3 contacts lost, 13 inverted`."""
     counts = {name: report.get(name) or 0 for name in FAULTS}
     return ", ".join(f"{count} {name.replace('_', ' ')}" for name, count in counts.items() if count)

@@ -12,9 +12,11 @@ from softlab.model.base.components import named
 from softlab.model.core.energy import spring_strain
 from softlab.model.core.families import family_of
 from softlab.model.core.family import Arrays
+from softlab.model.core.simulation import Simulation
 from softlab.model.core.spare import Counts, counts
 from softlab.model.core.state import State
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.tetrahedra import TetrahedralBody
 
 
 def largest_strain(scene: Scene, position: np.ndarray, arrays: Arrays) -> float | None:
@@ -68,12 +70,12 @@ class Presentation:
     view_options: Callable[[], tuple[str, ...]] = tuple
     counts: Callable[[Scene], dict[str, Any]] = lambda scene: {}
     size: Callable[[Scene], str] = number_of_particles
-    report: Callable[[Any, State], dict[str, Any]] = lambda simulation, state: {}
+    report: Callable[[Simulation, State], dict[str, object]] = lambda simulation, state: {}
     max_strain: Callable[[Scene, np.ndarray, Arrays], float | None] = largest_strain
     drawn: Callable[[Scene], tuple[str, ...]] = lambda scene: ()
     legend: Callable[[Scene], str | None] = lambda scene: None
     framed: Callable[[Scene, np.ndarray, Sequence[float], float], Sequence[np.ndarray]] = lambda *_: ()
-    materials: Callable[[Scene], Mapping[str, Any]] = lambda scene: {}
+    materials: Callable[[Scene], Mapping[str, TetrahedralBody]] = lambda scene: {}
     worst: Callable[[Scene, np.ndarray, np.ndarray], float] = worst_strain
     worst_text: Callable[[float, float], str] = lambda worst, fastest: f"worst strain {worst:+.4g}"
     quantity: str = "Strain"

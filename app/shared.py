@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 from softlab.model.base.components import component
 from softlab.model.base.errors import SceneError
@@ -131,7 +130,7 @@ def open_shared(
     return opened
 
 
-def sharing_report(simulation: Simulation) -> dict[str, Any]:
+def sharing_report(simulation: Simulation) -> dict[str, object]:
     """Return the entries of a run's report about the sharing of its scene; empty if it is not shared."""
     name = "ranks" if simulation.backend == "cpu" else "gpus"
     if isinstance(simulation, SharedBodies):

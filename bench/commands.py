@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from dataclasses import dataclass
+from typing import Annotated
 
 import typer
 
 from softlab.app.command.command_line import DEFAULT_STORE, StorePath
+from softlab.app.command.options_class import with_options
 from softlab.bench.measure.took import Timed
 from softlab.bench.options import (
     Backends,
@@ -23,45 +25,53 @@ from softlab.bench.options import (
 measuring = typer.Typer()
 
 
-@measuring.command(
-    cls=Timed, epilog="Example: softlab accuracy --quick   (softlab accuracy --integrator rk4 --precision float64)"
-)
-def accuracy(
+@dataclass(frozen=True)
+class AccuracyOptions:
+    """The options of `softlab accuracy`."""
+
     quick: Annotated[
         bool, typer.Option("--quick", help="Fewer repeats and methods, less float32, no exact math, one size.")
-    ] = False,
-    integrator: Methods = None,
-    backend: Backends = None,
-    precision: Precisions = None,
-    names: Annotated[
-        list[str] | None, typer.Argument(metavar="SCENE", help="Same as --scene.", show_default=False)
-    ] = None,
+    ] = False
+    integrator: Methods = None
+    backend: Backends = None
+    precision: Precisions = None
+    names: Annotated[list[str] | None, typer.Argument(metavar="SCENE", help="Same as --scene.", show_default=False)] = (
+        None
+    )
     scene: Annotated[
         list[str] | None, typer.Option(help="Only S1 (lab-curtain), S2, S4, S5, S6 or S6-still. Repeatable.")
-    ] = None,
+    ] = None
     findings: Annotated[
         bool | None,
         typer.Option(
             help="Also run the small experiments behind single findings (default: only if nothing is selected)."
         ),
-    ] = None,
-    cluster: Cluster = None,
-    workers: Workers = None,
-    sbatch: Sbatch = None,
-    store: StorePath = DEFAULT_STORE,
-) -> None:
+    ] = None
+    cluster: Cluster = None
+    workers: Workers = None
+    sbatch: Sbatch = None
+    store: StorePath = DEFAULT_STORE
+
+
+@measuring.command(
+    cls=Timed, epilog="Example: softlab accuracy --quick   (softlab accuracy --integrator rk4 --precision float64)"
+)
+@with_options(AccuracyOptions)
+def accuracy(options: AccuracyOptions) -> None:
     """Measure error and speed of every method, step size and precision of grids and cloth (bodies: softlab bar)."""
     from softlab.bench.experiments.accuracy.experiment import run_accuracy
     from softlab.bench.experiments.accuracy.points import labels_of
     from softlab.bench.experiments.registry import experiments
 
-    scenes = labels_of([*(names or []), *(scene or [])]) or None
-    if findings is None:
-        findings = not (integrator or precision or scenes)
-    how: dict[str, Any] = {"quick": quick, "backends": backend, "where": where_asked(cluster, workers, sbatch)}
-    measure(store, run_accuracy, integrators=integrator, precisions=precision, scenes=scenes, **how)
+    scenes = labels_of([*(options.names or []), *(options.scene or [])]) or None
+    selected = options.integrator or options.precision or scenes
+    findings = not selected if options.findings is None else options.findings
+    where = where_asked(options.cluster, options.workers, options.sbatch)
+    how: dict[str, object] = {"quick": options.quick, "backends": options.backend}
+    chosen = {"integrators": options.integrator, "precisions": options.precision, "scenes": scenes}
+    measure(options.store, run_accuracy, how | chosen, where=where)
     for one in experiments("accuracy") if findings else ():
-        measure(store, one, **how)
+        measure(options.store, one, how, where=where)
 
 
 @measuring.command(cls=Timed, epilog="Example: softlab stability --quick   (softlab stability --integrator rk4)")
@@ -78,7 +88,8 @@ def stability(
     from softlab.bench.experiments.stability.experiment import run_stability
 
     where = where_asked(cluster, workers, sbatch)
-    measure(store, run_stability, where=where, timed=False, quick=quick, integrators=integrator, backends=backend)
+    how = {"quick": quick, "integrators": integrator, "backends": backend}
+    measure(store, run_stability, how, where=where, timed=False)
 
 
 @measuring.command(cls=Timed, epilog="Example: softlab hard --quick   (softlab hard --case B5 --integrator rk4)")
@@ -106,8 +117,13 @@ def hard(
     from softlab.bench.stress.results import failed
 
     summary = measure(
-        store, run_hard, report=print_hard, quick=quick, cases=case, integrators=integrator, backends=backend,
-        precisions=precision, pictures=pictures,
+        store,
+        run_hard,
+        {
+            "quick": quick, "cases": case, "integrators": integrator, "backends": backend, "precisions": precision,
+            "pictures": pictures,
+        },
+        report=print_hard,
     )  # fmt: skip
     if not summary.rows and not summary.interrupted:
         raise typer.Exit(2)  # what was chosen is run by none; print_hard says so

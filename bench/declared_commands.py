@@ -93,7 +93,7 @@ def command_function(declared: Sequence[Experiment]) -> Callable[..., None]:
             ):  # else no part of it is wanted
                 chosen = {name: value for name, value in wanted.items() if name in one.options}
                 backends = {"backends": values[BACKEND]} if one.on_backends else {}
-                measure(values[STORE], one, one.show, quick=values[QUICK], **backends, **chosen)
+                measure(values[STORE], one, {QUICK: values[QUICK], **backends, **chosen}, show=one.show)
 
     parameters: dict[str, tuple[Any, Any]] = {
         QUICK: (_annotated(Option("--quick", declared[0].quick_help, bool)), False)

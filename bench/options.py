@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
@@ -12,6 +12,9 @@ from rich.console import Console
 from softlab.app.command.command_line import out, typed
 from softlab.model.base.components import component
 from softlab.model.base.errors import SceneError
+
+if TYPE_CHECKING:
+    from softlab.bench.store.database import Store
 
 Backends = Annotated[list[str] | None, typer.Option(help="Only this backend. Repeatable.")]
 Integrators = Annotated[list[str] | None, typer.Option(help="Only this integrator. Repeatable.")]
@@ -48,7 +51,7 @@ def precisions_of(chosen: list[str] | None, usual: Sequence[str] = ()) -> tuple[
     return tuple(dict.fromkeys(Options(name).precision for name in chosen or usual or PRECISIONS))
 
 
-def print_summary(console: Console, summary: Any) -> None:
+def print_summary(console: Console, summary: object) -> None:
     """Print the summary of an experiment."""
     console.print(str(summary), markup=False, soft_wrap=True)
 
@@ -56,16 +59,17 @@ def print_summary(console: Console, summary: Any) -> None:
 def measure(
     path: Path,
     run: Callable[..., Any],
-    show: Callable[[Console, Any, str], None] | None = None,
+    how: Mapping[str, object],
+    *,
+    show: Callable[[Console, Store, str], None] | None = None,
     report: Callable[[Console, Any], None] = print_summary,
-    where: Any = None,
+    where: object = None,
     timed: bool = True,
-    **how: Any,
 ) -> Any:
     """Run an experiment into the store, print its results (`show`) and the summary (`report`), and return the summary.
 
-    `where`: run in workers, each with its machine to itself if something is `timed`. Exits with the status of Ctrl-C if that
-    ended it, and with 1 if something was abandoned.
+    `how`: the experiment's arguments; `where`: run in workers, each with its machine to itself if something is `timed`.
+    Exits with the status of Ctrl-C if that ended it, and with 1 if something was abandoned.
     """
     from softlab.bench.store.database import Store
 
@@ -88,7 +92,7 @@ def measure(
     return summary
 
 
-def where_asked(cluster: str | None, workers: int | None, sbatch: list[str] | None) -> Any:
+def where_asked(cluster: str | None, workers: int | None, sbatch: list[str] | None) -> object:
     """Return the place to measure an experiment; None: this process. Raises SceneError."""
     if cluster is None:
         for name, value in (("--workers", workers), ("--sbatch", sbatch)):

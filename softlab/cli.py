@@ -12,7 +12,6 @@ install_interrupt_handler()  # what is imported next takes half a second
 import json
 import sys
 from dataclasses import replace
-from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -32,6 +31,8 @@ from softlab.app.command.command_line import (
     scene_of,
 )
 from softlab.app.command.file_commands import filing
+from softlab.app.command.options_class import with_options
+from softlab.app.command.run_options import RunOptions
 from softlab.bench.advice_commands import advising
 from softlab.bench.commands import measuring
 from softlab.bench.declared_commands import add_commands
@@ -89,103 +90,18 @@ def main() -> None:
 
 
 @app.command(epilog="Example: softlab run lab-grid --steps 1000 --set grid.rows=256 --json   (on a GPU: --backend gpu)")
-def run(
-    scene: SceneName,
-    backend: Backend = "cpu",
-    threads: Threads = "1x",
-    precision: Precision = "float32",
-    math: Math = "fast",
-    kernel: Annotated[
-        str | None,
-        typer.Option(
-            help="Use this kernel. cpu: fused, team, tiled, stages. gpu: one-block, resident, tiles, graph, launch, stages."
-        ),
-    ] = None,
-    steps: Annotated[int | None, typer.Option(help="Number of steps (default 1000).")] = None,
-    time: Annotated[
-        float | None, typer.Option(help="Simulated time in seconds, rounded to whole steps; instead of --steps.")
-    ] = None,
-    settings: Settings = None,
-    initial: Annotated[Path | None, typer.Option(help="Start from a state file (.npz).")] = None,
-    out_file: Annotated[Path | None, typer.Option("--out", help="Write the final state (.npz).")] = None,
-    record: Annotated[
-        tuple[str, Path] | None, typer.Option(metavar="every=N FILE.npz", help="Write a state every N steps.")
-    ] = None,
-    render: Annotated[Path | None, typer.Option(help="Draw the final state (.png) or the whole run (.mp4).")] = None,
-    export_to: Annotated[
-        str | None,
-        typer.Option(
-            "--export",
-            metavar="FILE",
-            help="Write meshes of the final state (.ply, .glb), or of every frame: body-{frame:04d}.ply.",
-        ),
-    ] = None,
-    export_every: Annotated[
-        float | None, typer.Option(help="Simulated seconds between two frames of --export (default 1/60).")
-    ] = None,
-    view_options: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--look",
-            help="What --render draws. Tetrahedra: skin, mesh or edges, coloured by body, stress or strain. Fluids: "
-            "surface, particles or foam, coloured by fluid, speed or density. Repeatable.",
-        ),
-    ] = None,
-    size: Annotated[
-        str | None,
-        typer.Option(metavar="WIDTHxHEIGHT", help="Size of the picture or clip in pixels (default 1280x960)."),
-    ] = None,
-    fps: Annotated[float | None, typer.Option(help="Frames per second of the clip (default 60).")] = None,
-    camera: Annotated[
-        str | None,
-        typer.Option(
-            metavar="YAW,PITCH[,SIZE]",
-            help="View of a 3-D picture: rotation and elevation in degrees, height of the view in metres.",
-        ),
-    ] = None,
-    hud: Annotated[bool, typer.Option("--hud/--no-hud", help="Draw title and legend over the picture.")] = True,
-    allow_unstable: Annotated[
-        bool, typer.Option("--allow-unstable", help="Run although method.dt exceeds the stability limit.")
-    ] = False,
-    allow_incomplete: Annotated[
-        bool,
-        typer.Option(
-            "--allow-incomplete", help="Exit with status 0 although contacts were lost or elements are inverted."
-        ),
-    ] = False,
-    gpus: Annotated[int, typer.Option(help="Number of GPUs that share the scene (with --backend gpu).")] = 1,
-    ranks: Annotated[int, typer.Option(help="Number of MPI processes that share the scene (with --backend cpu).")] = 1,
-    exchange_every: Annotated[
-        int | None,
-        typer.Option(help="With --gpus or --ranks: steps between two exchanges of borders (default: automatic)."),
-    ] = None,
-    link: Annotated[
-        str | None,
-        typer.Option(
-            help="How GPUs exchange data: flags (default) or nccl (also across processes started by mpiexec)."
-        ),
-    ] = None,
-    judge: Annotated[
-        bool, typer.Option(help="Compare the final state with a converged reference, if that takes only seconds.")
-    ] = True,
-    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
-) -> None:
+@with_options(RunOptions)
+def run(options: RunOptions) -> None:
     """Run a scene without a window."""
     from softlab.app.command.pictures import parse_camera
     from softlab.app.command.ranks import among_ranks, start_ranks
-    from softlab.app.command.run import Request, run_scene
-    from softlab.app.command.run_length import parse_record
+    from softlab.app.command.run import run_scene
     from softlab.bench.experiments.accuracy.judge import judge_run
 
-    request = Request(
-        backend, threads, precision, math, kernel, steps, time, initial, out_file,
-        parse_record(record[:1]) if record else 0, record[1] if record else None, render, allow_unstable,
-        export_to, export_every, gpus, ranks, exchange_every, link, tuple(view_options or ()), allow_incomplete,
-        size, fps, hud,
-    )  # fmt: skip
-    if camera is not None and render is None:
-        raise SceneError("--camera", camera, "applies to a picture or a clip; add --render FILE.png")
-    wanted = parse_camera(scene_of(scene, settings), camera)
+    request = options.request()
+    if options.camera is not None and options.render is None:
+        raise SceneError("--camera", options.camera, "applies to a picture or a clip; add --render FILE.png")
+    wanted = parse_camera(scene_of(options.scene, options.settings), options.camera)
     request, processes = among_ranks(wanted, request)
     if processes:
         raise typer.Exit(start_ranks(processes, sys.argv[1:]))
@@ -195,11 +111,11 @@ def run(
         return
     for note in result.notes:
         errors.print(note, markup=False)
-    if initial:
+    if options.initial:
         result.report["error_reason"] = "started from a file, for which there is no reference"
-    elif judge:
+    elif options.judge:
         result.report["error"], result.report["error_reason"] = judge_run(result.scene, result.state, result.diverged)
-    if as_json:
+    if options.as_json:
         print(json.dumps(result.report))
     else:
         from softlab.app.command.tables import print_report

@@ -13,7 +13,7 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
@@ -22,6 +22,9 @@ from typer.core import TyperGroup
 from softlab.app.command.console import Output
 from softlab.model.base.errors import SoftlabError, on_command_line, shown
 from softlab.model.domains.launched import launched_rank
+
+if TYPE_CHECKING:
+    from softlab.model.scene.scene import Scene
 
 errors = Console(stderr=True, highlight=False, soft_wrap=True)
 out = Output(highlight=False)
@@ -56,7 +59,7 @@ StorePath = Annotated[Path, typer.Option("--store", help="Database file of the m
 DEFAULT_STORE = Path("softlab-results") / "results.sqlite"
 
 
-def scene_of(name: str, settings: list[str] | None) -> Any:
+def scene_of(name: str, settings: list[str] | None) -> Scene:
     """Return the scene of that name or file, with the fields of --set. Raises SceneError."""
     from softlab.app.command.waiting import waiting_shown
     from softlab.model.base.waiting import work
@@ -93,17 +96,18 @@ class Commands(TyperGroup):
             errors.print(f"softlab {cmd_name} was renamed: use softlab {RENAMED[cmd_name]}")
         return super().get_command(ctx, RENAMED.get(cmd_name, cmd_name))
 
-    def invoke(self, ctx: Any) -> Any:
+    def invoke(self, ctx: Any) -> object:
         try:
             return super().invoke(ctx)
         except (KeyboardInterrupt, BrokenPipeError) as error:
             raise _Left from error
 
-    def main(self, *arguments: Any, **options: Any) -> Any:
-        try:
-            return super().main(*arguments, **options)
-        except _Left as left:
-            raise left.__cause__ or left from None
+
+def _result(command: Callable[[], int | None]) -> int | None:
+    try:
+        return command()
+    except _Left as left:
+        raise left.__cause__ or left from None
 
 
 @on_command_line()
@@ -117,7 +121,7 @@ def exit_status(command: Callable[[], int | None]) -> int:
         with warnings.catch_warnings():
             # overflows are checked where values are used, with clear messages; NumPy's warnings do not name the scene
             warnings.simplefilter("ignore", RuntimeWarning)
-            status = command() or 0
+            status = _result(command) or 0
         sys.stdout.flush()  # here, where a full disk can still be reported
         return status
     except SoftlabError as error:
@@ -161,7 +165,7 @@ def usage_line(error: Any) -> str:
     return str(SoftlabError(f"{said} (see {command} --help)"))
 
 
-def _wrong_option(error: Any) -> tuple[str, str] | None:
+def _wrong_option(error: object) -> tuple[str, str] | None:
     """Return the option that a complaint is about and its value, if it is on the command line."""
     for name in getattr(getattr(error, "param", None), "opts", ()):
         for place, word in enumerate(sys.argv):

@@ -8,7 +8,7 @@ from typing import Literal
 from rich.console import Console
 
 from softlab.app.command.waiting import waiting_shown
-from softlab.model.assets.cooked import cooked, save
+from softlab.model.assets.cooked import Repair, cooked, save
 from softlab.model.assets.tetrahedral_body import DENSITY
 from softlab.model.base.errors import SceneError
 from softlab.model.base.files import check_target
@@ -26,9 +26,7 @@ def cook_body(
     edge: float | None = None,
     voxels: int | None = None,
     tetrahedra: str = "5",
-    unite: bool = False,
-    simplify: int | None = None,
-    fill_holes: bool = False,
+    repair: Repair = Repair(),
     scale: float = 1.0,
     density: float = DENSITY,
 ) -> None:
@@ -39,8 +37,8 @@ def cook_body(
         raise SceneError("--tetrahedra", tetrahedra, "must be 5 or 6 (per voxel), or conforming")
     with waiting_shown(), work(f"cooking {source}"):
         body = cooked(
-            source, edge=edge, voxels=voxels, per_voxel=CHOICES[tetrahedra], unite=unite, simplify=simplify,
-            fill_holes=fill_holes, scale=scale, density=density,
+            source, edge=edge, voxels=voxels, per_voxel=CHOICES[tetrahedra], repair=repair, scale=scale,
+            density=density,
         )  # fmt: skip
         save(target, body)
     for line in body.report.lines():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
-from typing import Any
+from types import ModuleType
 
 from softlab.model.base.errors import BackendUnavailable
 
@@ -20,7 +20,7 @@ def panel_available() -> tuple[bool, str]:
     return True, f"Dear ImGui {imgui.get_version()}"
 
 
-def load_imgui() -> Any:
+def load_imgui() -> ModuleType:
     """Return the module `imgui`. Raises BackendUnavailable."""
     works, reason = panel_available()
     if not works:

@@ -47,10 +47,11 @@ def cook(
 ) -> None:
     """Cut a mesh into tetrahedra, report their quality, and write them to a file."""
     from softlab.app.command.cook import cook_body
+    from softlab.model.assets.cooked import Repair
 
     cook_body(
-        source, target, out, edge=edge, voxels=voxels, tetrahedra=tetrahedra, unite=unite, simplify=simplify,
-        fill_holes=fill_holes, scale=scale, density=density,
+        source, target, out, edge=edge, voxels=voxels, tetrahedra=tetrahedra,
+        repair=Repair(unite, simplify, fill_holes), scale=scale, density=density,
     )  # fmt: skip
 
 

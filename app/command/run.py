@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 import psutil
 
@@ -94,7 +94,7 @@ class Result:
     of its physics was computed (None: all was, or it is allowed), `rank` of the process: only number 0 writes.
     """
 
-    report: dict[str, Any]
+    report: dict[str, object]
     state: State
     scene: Scene
     written: list[Path] = field(default_factory=list)
@@ -276,9 +276,12 @@ def _write_results(
     picture = request.picture()
     if request.render and not request.draws_clip:
         state = result.state
-        how: dict[str, Any] = {"time": state.time, "inverse_mass": state.inverse_mass, "picture": picture}
-        how |= {"velocity": state.velocity, "foam": foam}
-        result.written.append(render(state.position, request.render, scene=simulation.scene, **how))
+        result.written.append(
+            render(
+                state.position, request.render, scene=simulation.scene, picture=picture, time=state.time,
+                inverse_mass=state.inverse_mass, velocity=state.velocity, foam=foam,
+            )
+        )  # fmt: skip
     elif request.render:
         steps = result.state.step - start.step
         if steps < 1 or view is None:

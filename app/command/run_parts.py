@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -24,7 +25,7 @@ def body_lines(scene: Scene) -> list[str]:
     return lines
 
 
-def built_report(scene: Scene) -> dict[str, Any]:
+def built_report(scene: Scene) -> dict[str, object]:
     """Return, for tetrahedral bodies, by name: what they were built from, and their mass [kg], volume [m^3] and second
     moments of volume about x, y, z through the centre [m^5] next to the mesh's."""
     built = {}
@@ -56,7 +57,7 @@ def collider_lines(scene: Scene) -> list[str]:
     return lines
 
 
-def fluid_notes(report: dict[str, Any]) -> list[str]:
+def fluid_notes(report: Mapping[str, object]) -> list[str]:
     """Return remedies for a fluid whose capacity or speed limit was too small."""
     notes = []
     if report.get("not_emitted"):
@@ -72,7 +73,7 @@ def fluid_notes(report: dict[str, Any]) -> list[str]:
     return notes
 
 
-def newton_notes(report: dict[str, Any]) -> list[str]:
+def newton_notes(report: Mapping[str, Any]) -> list[str]:
     """Return a note if nothing was solved.
 
     If a matrix that was made again, positive, does not lead to a step either, a solve has two matrices and no step; at
@@ -90,7 +91,7 @@ def newton_notes(report: dict[str, Any]) -> list[str]:
     ]
 
 
-def contact_report(simulation: Simulation, state: State) -> dict[str, Any]:
+def contact_report(simulation: Simulation, state: State) -> dict[str, object]:
     """Return, for a cloth with self-contact: the least gaps [m] between layers and between edges (None: more than the
     thickness), and what contacts of masses with triangles miss (pairs of edges that are too near, edges through
     triangles).

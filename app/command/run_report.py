@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from softlab.app.command.run_parts import built_report, contact_report
 from softlab.app.outcome import outcome_of
 from softlab.app.presentation import presentation_of
@@ -18,7 +16,7 @@ from softlab.model.core.spare import counts
 
 def run_report(
     simulation: Simulation, state: State, steps: int, seconds: float, compile_seconds: float, diverged: Diverged | None
-) -> dict[str, Any]:
+) -> dict[str, object]:
     """Return the report of a run of `steps` steps that took `seconds` [s], and ended in `state`: energies [J], speeds
     [m/s], strain, the solver's numbers about contacts, bodies and fluids, and which of its physics is incomplete."""
     scene = simulation.scene

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
-from typing import Any
 
 from softlab.model.base.errors import InputError
 from softlab.model.base.files import check_target, replacing
@@ -36,7 +35,7 @@ def _key(name: str) -> str:
     return name if BARE.fullmatch(name) else _value(name)
 
 
-def _value(value: Any) -> str:
+def _value(value: object) -> str:
     """Return a TOML value. JSON's strings, numbers and truth values are TOML's, except for DEL, which must be escaped
     in TOML; fields without a value are left out."""
     if isinstance(value, dict):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +42,7 @@ IN_NOTES = ("built", "error_reason", "resolution", "waiting", "waiting_particles
 HIDDEN_IF_NONE = ("error", "threads_reason", "max_strain")  # no line without a value
 
 
-def number(value: Any) -> str:
+def number(value: object) -> str:
     """Return a value in a form for people."""
     if isinstance(value, bool) or value is None:
         return "-" if value is None else str(value)
@@ -52,7 +53,7 @@ def number(value: Any) -> str:
     return str(value)
 
 
-def print_report(console: Console, report: dict[str, Any], written: list[Path], keeps: str = "conserves") -> None:
+def print_report(console: Console, report: Mapping[str, Any], written: list[Path], keeps: str = "conserves") -> None:
     """Print the result of one run; `keeps`: the effect of its step on the modified energy, of model/core/energy.py."""
     table = Table(show_header=False, box=None, pad_edge=False)
     waiting = {"particles": report.get("waiting_particles"), "bodies": report.get("waiting")}

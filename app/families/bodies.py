@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from softlab.app.output.pieces import Piece, skinned
@@ -11,13 +9,15 @@ from softlab.app.presentation import Presentation
 from softlab.app.render import colours
 from softlab.app.render.detail import Detail
 from softlab.app.render.framing import landing_places
+from softlab.app.render.view import View
 from softlab.model.core.energy import spring_strain
+from softlab.model.core.simulation import Simulation
 from softlab.model.core.spare import Counts, copies_there, counts
 from softlab.model.particles.body_set import Copy
 from softlab.model.scene.scene import Scene
 
 
-def _view(scene: Scene, detail: Detail, quick: bool, first_colour: int) -> Any:
+def _view(scene: Scene, detail: Detail, quick: bool, first_colour: int) -> View:
     from softlab.app.render.bodies.view import BodiesView
 
     return BodiesView(scene, detail)
@@ -48,12 +48,12 @@ def _body(scene: Scene, copy: Copy, position: np.ndarray, matrices: np.ndarray) 
     return Piece(name, vertices, colour, skin.triangles, normals)
 
 
-def _counts(scene: Scene) -> dict[str, Any]:
+def _counts(scene: Scene) -> dict[str, object]:
     clusters = scene.body_set.clusters
     return {"bodies": len(scene.copies), "clusters": clusters.count, "entries": len(clusters.indices)}
 
 
-def bodies_report(simulation: Any) -> dict[str, Any]:
+def bodies_report(simulation: Simulation) -> dict[str, object]:
     """Return the numbers of active bodies and their clusters, and of inactive bodies and their particles.
 
     Their `max_strain` is the distance of a particle from its goal in one of its clusters, over the particle spacing.

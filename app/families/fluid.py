@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from math import isnan
-from typing import Any
 
 import numpy as np
 
@@ -12,7 +11,9 @@ from softlab.app.presentation import Presentation
 from softlab.app.render import colours
 from softlab.app.render.detail import Detail
 from softlab.app.render.framing import tank
+from softlab.app.render.view import View
 from softlab.model.base.components import named
+from softlab.model.core.simulation import Simulation
 from softlab.model.core.state import State
 from softlab.model.fluid.measure import compression, height
 from softlab.model.fluid.parameters import speed_limit
@@ -21,7 +22,7 @@ from softlab.model.scene.scene import Scene
 MAX_MEASURED = 30_000  # particles whose densities are computed in passing: a tenth of a second
 
 
-def _view(scene: Scene, detail: Detail, quick: bool, first_colour: int) -> Any:
+def _view(scene: Scene, detail: Detail, quick: bool, first_colour: int) -> View:
     from softlab.app.render.fluid.view import FluidView
 
     return FluidView(scene, detail, shaped=not quick)
@@ -49,12 +50,12 @@ def _worst_text(worst: float, fastest: float) -> str:
     return speed if isnan(worst) else f"largest density error {worst:+.2%}, {speed}"
 
 
-def speed_report(scene: Scene) -> dict[str, Any]:
+def speed_report(scene: Scene) -> dict[str, object]:
     """Return `speed_limit` [m/s], the smallest of all fluids."""
     return {"speed_limit": min(speed_limit(scene, part) for part in scene.fluids.values())}
 
 
-def fluid_report(simulation: Any, state: State) -> dict[str, Any]:
+def fluid_report(simulation: Simulation, state: State) -> dict[str, object]:
     """Return how much densities exceed that at rest, the `height` of the highest 1 % of particles above
     the floor of the lowest one at the start, and the limit of speeds."""
     scene, speeds = simulation.scene, speed_report(simulation.scene)

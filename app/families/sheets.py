@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -13,6 +12,7 @@ from softlab.app.render import colours
 from softlab.app.render.detail import Detail
 from softlab.app.render.drawn_springs import alike, drawn_kinds
 from softlab.app.render.legends import STRAIN_TITLE, ZERO_REST_TITLE
+from softlab.app.render.view import View
 from softlab.model.contact.cloth_parameters import REST_LENGTHS
 from softlab.model.core.energy import spring_strain
 from softlab.model.core.families import family_of
@@ -23,7 +23,7 @@ from softlab.model.position_based.mesh_constraints import edges_of
 from softlab.model.scene.scene import Scene
 
 
-def _view(scene: Scene, detail: Detail, quick: bool, first_colour: int) -> Any:
+def _view(scene: Scene, detail: Detail, quick: bool, first_colour: int) -> View:
     from softlab.app.render.sheet_view import SheetView
 
     return SheetView(scene, detail)

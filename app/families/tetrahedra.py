@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from softlab.app.output.pieces import Piece
@@ -12,13 +10,14 @@ from softlab.app.render import colours
 from softlab.app.render.detail import Detail
 from softlab.app.render.drawn_springs import alike
 from softlab.app.render.legends import EDGE_TITLE
+from softlab.app.render.view import View
 from softlab.model.base.components import named
 from softlab.model.core.energy import spring_strain
 from softlab.model.geometry.normals import mesh_normals
 from softlab.model.scene.scene import Scene
 
 
-def _view(scene: Scene, detail: Detail, quick: bool, first_colour: int) -> Any:
+def _view(scene: Scene, detail: Detail, quick: bool, first_colour: int) -> View:
     from softlab.app.render.tetrahedra_view import TetrahedraView
 
     return TetrahedraView(scene, detail, first_colour)
@@ -39,9 +38,9 @@ def _pieces(
     return pieces
 
 
-def _counts(scene: Scene) -> dict[str, Any]:
+def _counts(scene: Scene) -> dict[str, object]:
     bodies = scene.tetrahedra_set
-    counts = {"bodies": len(bodies.parts), "tetrahedra": len(bodies.tetrahedra)}
+    counts: dict[str, object] = {"bodies": len(bodies.parts), "tetrahedra": len(bodies.tetrahedra)}
     return counts | ({"triangles": len(bodies.sheet.mesh.triangles)} if bodies.sheet else {})
 
 

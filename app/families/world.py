@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -11,15 +10,17 @@ from softlab.app.families.fluid import speed_report
 from softlab.app.families.sheets import SHEET
 from softlab.app.presentation import largest_strain, number_of_particles, presentation_of
 from softlab.app.render.detail import Detail
+from softlab.app.render.view import View
+from softlab.model.core.simulation import Simulation
 from softlab.model.core.spare import Counts, counts
 from softlab.model.core.state import State
 from softlab.model.scene.scene import Scene
 
 
-def _view(scene: Scene, detail: Detail, quick: bool, first_colour: int) -> Any:
+def _view(scene: Scene, detail: Detail, quick: bool, first_colour: int) -> View:
     from softlab.app.render.world_view import WorldView
 
-    def make(member: Scene, of_member: Detail, colour: int = 0) -> Any:
+    def make(member: Scene, of_member: Detail, colour: int = 0) -> View:
         return presentation_of(member).view(member, of_member, quick, colour)
 
     return WorldView(scene, make, detail)
@@ -32,7 +33,7 @@ def _strain(scene: Scene, position: np.ndarray) -> np.ndarray:
     )
 
 
-def _counts(scene: Scene) -> dict[str, Any]:
+def _counts(scene: Scene) -> dict[str, object]:
     members = scene.members.items()
     return {
         "members": {
@@ -57,7 +58,7 @@ def _particle_name(scene: Scene, particle: int) -> str:
     return next(f"{particle - rows.start} of {name}" for name, rows in places if particle < rows.stop)
 
 
-def _report(simulation: Any, state: State) -> dict[str, Any]:
+def _report(simulation: Simulation, state: State) -> dict[str, object]:
     fluid = simulation.scene.members.get("fluid")
     return speed_report(fluid) if fluid else {}
 

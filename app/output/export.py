@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,6 +21,10 @@ from softlab.model.base.errors import InputError, SceneError
 from softlab.model.base.files import check_target, replacing
 from softlab.model.core.simulation import Simulation
 from softlab.model.core.spare import present
+
+if TYPE_CHECKING:
+    from trimesh import PointCloud, Trimesh
+    from trimesh.path import Path3D
 
 PLY, GLB = ".ply", ".glb"
 FRAME = 1 / 60  # s of simulated time between two frames, as in a clip
@@ -166,7 +170,7 @@ def _glb(pieces: Sequence[Piece]) -> bytes:
     return bytes(scene.export(file_type="glb", include_normals=True))
 
 
-def _geometry(piece: Piece) -> Any:
+def _geometry(piece: Piece) -> Trimesh | PointCloud | Path3D:
     import trimesh
 
     colour = _bytes(tuple(map(linear, piece.colour)))

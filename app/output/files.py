@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from softlab.model.base.clock import START, Clock
+from softlab.model.base.disk_cache import save_arrays
 from softlab.model.base.errors import InputError
 from softlab.model.base.files import check_target, read_archive, replacing
 from softlab.model.core.build import build
@@ -23,9 +23,9 @@ def check_state_target(path: Path | str) -> Path:
     return check_target(path, (STATE,), "a state or trajectory file")
 
 
-def _write(path: Path, arrays: dict[str, Any]) -> Path:
+def _write(path: Path, arrays: dict[str, np.ndarray | np.generic]) -> Path:
     with replacing(path) as temporary, open(temporary, "wb") as file:
-        np.savez(file, **arrays)
+        save_arrays(file, arrays)
     return path
 
 
@@ -35,7 +35,9 @@ def write_state(path: Path | str, state: State) -> Path:
     For bodies also `rotation` (clusters, 4), for plastic ones `plastic` (clusters, 3, 3), for emitters `taps`. If the
     step size was changed, `clock_step` and `clock_time` [s] of the change.
     """
-    arrays: dict[str, Any] = {name: getattr(state, name) for name in ("position", "velocity", "inverse_mass")}
+    arrays: dict[str, np.ndarray | np.generic] = {
+        name: getattr(state, name) for name in ("position", "velocity", "inverse_mass")
+    }
     arrays |= state.arrays
     if state.clock != START:
         arrays |= {"clock_step": np.int64(state.clock.step), "clock_time": np.float64(state.clock.time)}

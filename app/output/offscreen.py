@@ -8,13 +8,12 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from softlab.app.output.pictures import write_png
 from softlab.app.render import colours
-from softlab.app.render.camera import finite_bounds
+from softlab.app.render.camera import Camera, finite_bounds
 from softlab.app.render.drawn_springs import drawn_strain
 from softlab.app.render.fluid.framing import main_part, with_fluids
 from softlab.app.render.framing import seen_points, seen_radius
@@ -36,8 +35,25 @@ MIN_SIZE, MAX_SIZE = 16, 16384  # pixels
 class Fitted:
     """A view and the largest strain of the range of colours, which contain every state they were fitted to."""
 
-    camera: Any
+    camera: Camera
     strain_range: float
+
+
+@dataclass(frozen=True)
+class Picture:
+    """`width` x `height` pixels, rounded down to even numbers for a clip, under a `caption` (None: the scene's title).
+
+    A clip has `fps` frames/s, not necessarily an integer. `view_options`: see OffscreenRenderer.
+    `legend` False: no text in the picture. `fitted`: the view of a clip (None: it widens with the motion).
+    """
+
+    width: int = 1280
+    height: int = 960
+    caption: str | None = None
+    fps: float = 60
+    view_options: tuple[str, ...] = ()
+    legend: bool = True
+    fitted: Fitted | None = None
 
 
 class OffscreenRenderer:
@@ -81,7 +97,7 @@ class OffscreenRenderer:
         except BaseException:
             self._window.close()
             raise
-        self._fitted, self._fixed = False, False
+        self._fitted, self._fixed, self._closed = False, False, False
         self._weights: np.ndarray | None = None
         self._points: np.ndarray | None = None  # which the view is fitted to
         self.camera = camera_of(scene, width, height)
@@ -95,11 +111,11 @@ class OffscreenRenderer:
 
     def close(self) -> None:
         """Free the picture and its buffers."""
-        if self._window is not None:
+        if not self._closed:
             self._window.switch_to()
             self._view.delete()
             self._window.close()
-            self._window = None
+            self._closed = True
 
     def _frame(self, position: np.ndarray, time: float) -> None:
         """Fit the view to these positions; after the first `fit` it only widens, so that a clip does not jump."""
@@ -218,31 +234,28 @@ def render_frame(
     scene: Scene,
     position: np.ndarray,
     path: Path | str,
-    width: int = 1280,
-    height: int = 960,
+    picture: Picture = Picture(),
     *,
-    caption: str | None = None,
-    legend: bool = True,
     lines: bool = False,
     time: float = 0.0,
     inverse_mass: np.ndarray | None = None,
-    view_options: Sequence[str] = (),
     velocity: np.ndarray | None = None,
     foam: FoamPoints | None = None,
 ) -> Path:
     """Draw a state (particles, dimensions) [m] of `scene` into a PNG and return its path.
 
-    `caption` None: the scene's title. In space, `lines`: as springs, or particles, instead of a surface; `time` [s]:
-    for the positions of moving colliders; `inverse_mass`, as in State: marks inactive bodies; `view_options`: see
-    OffscreenRenderer; `velocity` (particles, dimensions) [m/s] and `foam`: of a fluid, if known. Raises InputError
-    (name, folder, size, shape) and BackendUnavailable (no off-screen OpenGL).
+    In space, `lines`: as springs, or particles, instead of a surface; `time` [s]: for the positions of moving colliders;
+    `inverse_mass`, as in State: marks inactive bodies; `velocity` (particles, dimensions) [m/s] and `foam`: of a fluid,
+    if known. Raises InputError (name, folder, size, shape) and BackendUnavailable (no off-screen OpenGL).
     """
     path = check_target(path, (".png",))
-    with OffscreenRenderer(scene, width, height, legend=legend, lines=lines, view_options=view_options) as renderer:
+    with OffscreenRenderer(
+        scene, picture.width, picture.height, legend=picture.legend, lines=lines, view_options=picture.view_options
+    ) as renderer:
         renderer.show_bodies(inverse_mass)
         renderer.fit(position, time)
-        if caption is not None:
-            renderer.caption = caption
+        if picture.caption is not None:
+            renderer.caption = picture.caption
         renderer.show_foam(foam)
         renderer.draw(position, time, velocity=velocity)
         return write_png(path, renderer.image())

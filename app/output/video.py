@@ -9,15 +9,15 @@ import subprocess
 import tempfile
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
-from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 from time import perf_counter
-from typing import Any
+from types import TracebackType
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from softlab.app.output.offscreen import Fitted, OffscreenRenderer, render_frame
+from softlab.app.output.offscreen import OffscreenRenderer, Picture, render_frame
 from softlab.app.presentation import presentation_of
 from softlab.model.base.errors import BackendUnavailable, InputError
 from softlab.model.base.files import check_target, replacing
@@ -25,28 +25,14 @@ from softlab.model.core.simulation import Simulation
 from softlab.model.fluid.foam import FoamPoints
 from softlab.model.scene.scene import Scene
 
+if TYPE_CHECKING:
+    from rich.progress import Progress, TaskID
+
 FRAME, CLIP = ".png", ".mp4"
 PROGRESS_AFTER = 1.0  # s
 MOST_RATE = 1000  # denominator of a rate: an MP4's time has an integer number of ticks per second
 FULL, DISK_FULL = "No space left", "no space left on the disk"  # ffmpeg's words, and ours
 MIN_FREE_BYTES = 1 << 16  # bytes: with less a disk counts as full
-
-
-@dataclass(frozen=True)
-class Picture:
-    """`width` x `height` pixels, rounded down to even numbers for a clip, under a `caption` (None: the scene's title).
-
-    A clip has `fps` frames/s, not necessarily an integer. `view_options`: see OffscreenRenderer.
-    `legend` False: no text in the picture. `fitted`: the view of a clip (None: it widens with the motion).
-    """
-
-    width: int = 1280
-    height: int = 960
-    caption: str | None = None
-    fps: float = 60
-    view_options: tuple[str, ...] = ()
-    legend: bool = True
-    fitted: Fitted | None = None
 
 
 # position [m], time [s], and a cloth's normals and velocities [m/s] of particles, if they are known
@@ -130,7 +116,9 @@ class VideoWriter:
             raise self._failure() from None
         self.frames += 1
 
-    def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         process = self._process
         assert process is not None and process.stdin is not None
         failure: InputError | None = None
@@ -234,7 +222,7 @@ def _write_clip(
     return writer.path
 
 
-def _progress_bar(name: str, total: int) -> tuple[Any, Any]:
+def _progress_bar(name: str, total: int) -> tuple[Progress, TaskID]:
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
     from softlab.app.output.bar import Bar
@@ -281,11 +269,9 @@ def render(
     if scene is None:
         raise InputError("positions alone cannot be drawn; give their scene, too")
     if not clip:
-        size, words = (picture.width, picture.height), picture.caption
-        how: dict[str, Any] = {"time": time, "inverse_mass": inverse_mass, "view_options": picture.view_options}
-        how["legend"] = picture.legend
-        how |= {"velocity": velocity, "foam": foam}
-        return render_frame(scene, position, path, *size, caption=words, **how)
+        return render_frame(
+            scene, position, path, picture, time=time, inverse_mass=inverse_mass, velocity=velocity, foam=foam
+        )
     if position.ndim != 3:
         raise InputError(f"positions of shape {position.shape}; a clip needs (frames, particles, {scene.dimensions})")
     states = ((frame, time, None, None) for frame in position)

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from math import inf, isfinite
-from typing import Any
 
 import numpy as np
 
@@ -80,7 +79,7 @@ class PlanReport:
         """Return the measured seconds of a step, stage by stage; 0 without measurements."""
         return sum(row.seconds.get(backend, 0.0) for row in self.rows)
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> dict[str, object]:
         """Return the object that `--json` prints. Fractions are of the whole step; an infinite limit is null."""
         method, grid = self.scene.method, self.scene.grid
         counts = presentation_of(self.scene).counts(self.scene)
@@ -97,8 +96,8 @@ class PlanReport:
             **({"shared": self.shared.as_dict()} if self.shared else {}),
         }  # fmt: skip
 
-    def _row_as_dict(self, row: Row) -> dict[str, Any]:
-        entry: dict[str, Any] = {"name": row.name, "depth": row.depth, "runs": row.runs, "branch": row.stage is None}
+    def _row_as_dict(self, row: Row) -> dict[str, object]:
+        entry: dict[str, object] = {"name": row.name, "depth": row.depth, "runs": row.runs, "branch": row.stage is None}
         if row.stage is None:
             return entry
         moved, done = row.runs * row.stage.bytes(self.item, self.plan.dimensions), row.runs * row.stage.operations
@@ -109,7 +108,7 @@ class PlanReport:
             "seconds_share": {name: fraction(value, self.seconds(name)) for name, value in row.seconds.items()},
         }  # fmt: skip
 
-    def _backend_as_dict(self, one: BackendPlan) -> dict[str, Any]:
+    def _backend_as_dict(self, one: BackendPlan) -> dict[str, object]:
         return {
             "device": one.device, "kernel": one.kernel, "tile": one.tile, "why": one.why,
             "passes": [

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -28,7 +27,7 @@ def _more(count: int) -> list[str]:
     return [f"  and {count - LINES} more"] if count > LINES else []
 
 
-def _link(link: Link) -> dict[str, Any]:
+def _link(link: Link) -> dict[str, object]:
     """Return the object for `--json`."""
     return {"latency": link.latency, "bandwidth": link.bandwidth, "source": link.source}
 
@@ -75,7 +74,7 @@ class SharedPlan:
         decomposition = self.decomposition
         return decomposition.rows * decomposition.columns / self.step_seconds if self.step_seconds else float("inf")
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> dict[str, object]:
         """Return the object for `--json`."""
         decomposition = self.decomposition
         return {
@@ -118,7 +117,7 @@ class BodiesPlan:
     division: Division
     particle_bytes: int
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> dict[str, object]:
         """Return the object for `--json`."""
         split = self.division
         return {
@@ -172,7 +171,7 @@ class PartitionsPlan:
         """Time that exchanges add to a step, by the link: all neighbours at once, both ways at once."""
         return self.partitions.mesh.exchanges * self.link.seconds(self.message)
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> dict[str, object]:
         """Return the object for `--json`."""
         all_partitions, mesh = self.partitions, self.partitions.mesh
         return {
@@ -235,7 +234,7 @@ class SlabsPlan:
         """Upper bound of the speedup: all particles over those that the fullest slab computes."""
         return float(self.counts[:, 0].sum() / self.counts[:, 1].max())
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> dict[str, object]:
         """Return the object for `--json`."""
         return {
             "gpus": self.slabs.count, "axis": "xyz"[self.slabs.axis], "halo": self.slabs.halo,

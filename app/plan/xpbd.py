@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from softlab.app.plan.passes import BackendPlan, Pass, cpu_plan, gpu_device, item_bytes, merged_passes, stages_of
-from softlab.model.core.plan import Plan
+from softlab.model.core.plan import Node, Plan
 from softlab.model.core.simulation import PRECISIONS
 from softlab.model.scene.scene import Scene
 
 
 def _substep(plan: Plan, precision: str, note: str, memory_fraction: float = 1.0) -> tuple[Pass, ...]:
     """Return the single pass that a fused kernel makes of a substep: it reads and writes the state and nothing else."""
-    substeps = plan.root.children[0].times  # type: ignore[union-attr]
+    substep = plan.root.children[0]
+    assert isinstance(substep, Node)
+    substeps = substep.times
     stages = list(plan.root.stages())
     each = stages[: len(stages) // substeps]
     names = tuple(dict.fromkeys(stage.name for stage in each))

@@ -103,6 +103,10 @@ class Camera(ABC):
         """Depth [m] beyond which points are in front."""
 
     @abstractmethod
+    def as_dict(self) -> dict[str, float]:
+        """Return what the state file says of it."""
+
+    @abstractmethod
     def matrix(self) -> np.ndarray:
         """(4, 4): homogeneous world coordinates (a column; z = 0 in a plane) -> clip coordinates of OpenGL."""
 

@@ -10,7 +10,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from types import SimpleNamespace
+from functools import cached_property
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -44,8 +45,7 @@ class CudaVertices(HostVertices):
         self.shared = True
         self.few = FEW_BYTES if self.flat else 0
         self._refused = ""
-        self._runtime: Any = None
-        self._resources: dict[int, Any] = {}  # buffer -> what CUDA knows it by
+        self._resources: dict[int, object] = {}  # buffer -> what CUDA knows it by
 
     def straight(self, simulation: Simulation) -> bool:
         """True for a simulation on the GPU, if its state is not too small for it, until that was tried and did not work."""
@@ -92,11 +92,13 @@ class CudaVertices(HostVertices):
             with self._mapped(buffer, stream) as array:
                 simulation.read(name, into=array)
 
+    @cached_property
+    def _runtime(self) -> ModuleType:
+        return load_runtime()
+
     def _register(self) -> None:
         from pyglet import gl
 
-        if self._runtime is None:
-            self._runtime = load_runtime()
         require_same_gpu(self._runtime)
         discard = self._runtime.cudaGraphicsRegisterFlags.cudaGraphicsRegisterFlagsWriteDiscard
         arrays = {self.position_buffer: self._position} | ({} if self.flat else {self.normal_buffer: self._normal})
@@ -106,7 +108,7 @@ class CudaVertices(HostVertices):
             (self._resources[buffer],) = _checked(registered, "sharing a buffer")
 
     @contextmanager
-    def _mapped(self, buffer: int, stream: Any) -> Iterator[Any]:
+    def _mapped(self, buffer: int, stream: object) -> Iterator[SimpleNamespace]:
         """Return the buffer as a (particles, dimensions) float32 array of CUDA, for kernels in `stream`."""
         runtime, resource = self._runtime, self._resources[buffer]
         _checked(runtime.cudaGraphicsMapResources(1, resource, stream), "mapping a buffer")
@@ -133,7 +135,7 @@ class CudaVertices(HostVertices):
         self._resources.clear()
 
 
-def load_runtime() -> Any:
+def load_runtime() -> ModuleType:
     """Import CUDA's runtime. Raises NotShared."""
     from softlab.gpu_backend.core.device import simulated
 
@@ -146,7 +148,7 @@ def load_runtime() -> Any:
     return runtime
 
 
-def require_same_gpu(runtime: Any) -> None:
+def require_same_gpu(runtime: ModuleType) -> None:
     """Raise NotShared if another GPU than CUDA's draws, or none.
 
     Not every driver can list its devices; then registering a buffer will show.

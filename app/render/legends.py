@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -13,6 +13,9 @@ from softlab.app.render.panels import FONTS, rgba
 from softlab.app.render.view import View
 from softlab.model.core.build import pinned_indices
 from softlab.model.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from pyglet.text import Label
 
 MINUS = "\N{MINUS SIGN}"
 STRAIN_TITLE = f"strain of a spring: (length {MINUS} rest) / rest"
@@ -50,7 +53,7 @@ class Legend:
         self._pin_mark = pyglet.shapes.Rectangle(0, 0, 8, 8, rgba(colours.PIN), batch=self._batch) if has_pins else None
         self._pin_text = self._label("pinned mass", "left") if has_pins else None
 
-    def _label(self, text: str, anchor: Any) -> Any:
+    def _label(self, text: str, anchor: Literal["left", "center", "right"]) -> Label:
         import pyglet
 
         return pyglet.text.Label(

@@ -10,9 +10,14 @@ import os
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any
+from types import ModuleType
+from typing import TYPE_CHECKING
 
 from softlab.model.base.errors import BackendUnavailable
+
+if TYPE_CHECKING:
+    from pyglet.graphics.shader import ShaderProgram
+    from pyglet.window import BaseWindow
 
 BARS = 80  # pixels of a screen that the window's title and the desktop's bar take
 DEBIAN_OFFSCREEN = "apt-get install libegl1 libgl1 libgl1-mesa-dri libfontconfig1 libfreetype6 fonts-dejavu-core"
@@ -26,7 +31,7 @@ WINDOW_REMEDY = (
 )
 
 
-def load_pyglet(headless: bool) -> Any:
+def load_pyglet(headless: bool) -> ModuleType:
     """Return the pyglet module, set up for a window (`headless` False) or for EGL. Raises BackendUnavailable where this
     process already uses the other, or where pyglet cannot be loaded."""
     remedy = OFFSCREEN_REMEDY if headless else WINDOW_REMEDY
@@ -58,7 +63,7 @@ def load_pyglet(headless: bool) -> Any:
     return pyglet
 
 
-def open_window(headless: bool, width: int, height: int, caption: str | None = None) -> Any:
+def open_window(headless: bool, width: int, height: int, caption: str | None = None) -> BaseWindow:
     """A pyglet window (off-screen: of exactly `width` x `height` pixels; else no larger than the screen) with an OpenGL 3.3
     context, made current.
 
@@ -89,7 +94,7 @@ def renderer_name() -> str:
     return str(context.get_info().get_renderer()) if context else "none"
 
 
-def shader_program(vertex: str, fragment: str, geometry: str | None = None) -> Any:
+def shader_program(vertex: str, fragment: str, geometry: str | None = None) -> ShaderProgram:
     """Compile and link a program from these sources. Needs a current context. Raises BackendUnavailable where the
     driver refuses it."""
     from pyglet.graphics.shader import Shader, ShaderException, ShaderProgram

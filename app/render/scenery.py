@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any
+from ctypes import c_uint
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from softlab.app.render import colours, shaders3d
-from softlab.app.render.camera3d import Camera3D
+from softlab.app.render.camera import Camera
 from softlab.app.render.collider_shapes import Ground, Mesh, collider_mesh, grounds, line_distance, shadow_matrix
 from softlab.app.render.fluid.tank_frame import tank_frame
 from softlab.app.render.opengl import shader_program
@@ -23,14 +24,17 @@ from softlab.app.render.vertex_arrays import (
 from softlab.model.scene.scene import Scene
 from softlab.model.tables.cloth import Plane
 
+if TYPE_CHECKING:
+    from pyglet.graphics.shader import ShaderProgram
+
 KEY = np.array([-0.45, 0.95, 0.60]) / np.linalg.norm([-0.45, 0.95, 0.60])  # toward the light that throws shadows
 GROUND_RADIUS = 2.6  # times the scene's size, to where nothing is left of the ground
 GROUND_COVER = 0.55  # how much of what lies behind the ground it hides, seen from above
 MIN_SLOPE = 0.15  # cosine between a plane's normal and the light from which on it bears shadows
 SQUARE = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], dtype=np.float32)
 
-Drawn = tuple[Any, int, int]  # vertex array, mode, elements
-Shade = Callable[[Camera3D, np.ndarray, np.ndarray], None]  # draws a shadow: camera, (4, 4) into the ground, its middle
+Drawn = tuple[c_uint, int, int]  # vertex array, mode, elements
+Shade = Callable[[Camera, np.ndarray, np.ndarray], None]  # draws a shadow: camera, (4, 4) into the ground, its middle
 
 
 class Lit:
@@ -47,7 +51,7 @@ class Lit:
         self.program["key"] = tuple(light.tolist())
         self.program.stop()
 
-    def use(self, camera: Camera3D) -> None:
+    def use(self, camera: Camera) -> None:
         """Draw with it as `camera` sees."""
         right, up, back = camera.axes
         fill = back + 0.5 * right + 0.2 * up  # from the viewer's own right: no side that is looked at is black
@@ -56,7 +60,7 @@ class Lit:
         self.program["eye"] = tuple(camera.eye.tolist())
         self.program["fill"] = tuple((fill / np.linalg.norm(fill)).tolist())
 
-    def set_material(self, front: Any, back: Any, shine: float, shift: np.ndarray) -> None:
+    def set_material(self, front: Sequence[float], back: Sequence[float], shine: float, shift: np.ndarray) -> None:
         """Set the colours of both sides, the strength of the highlight, and the displacement of the surface [m]."""
         self.program["front"], self.program["back"] = front, back
         self.program["shine"] = shine
@@ -90,7 +94,7 @@ class Scenery:
         self._square = self._array(SQUARE, np.array([0, 1, 2, 0, 2, 3], dtype=np.uint32))
         self._ground_constants()
 
-    def _array(self, vertices: np.ndarray, elements: np.ndarray, mesh: Mesh | None = None) -> Any:
+    def _array(self, vertices: np.ndarray, elements: np.ndarray, mesh: Mesh | None = None) -> c_uint:
         data = [vertices, elements] if mesh is None else [vertices, elements, mesh.normals]
         buffers = [static_buffer(part) for part in data]
         self._buffers += buffers
@@ -113,14 +117,14 @@ class Scenery:
         self._end_planes(program)
         self.shadow_constants(self._shadow_program)
 
-    def shadow_constants(self, program: Any) -> None:
+    def shadow_constants(self, program: ShaderProgram) -> None:
         """Set the constants of a program of shadows."""
         program.use()
         program["dark"], program["light"] = colours.SHADOW, colours.BACKGROUND
         self._end_planes(program)
         program.stop()
 
-    def _end_planes(self, program: Any) -> None:
+    def _end_planes(self, program: ShaderProgram) -> None:
         """Set where a plane and the shadows on it fade out: far away, and behind the other planes, if these do not move
         and the shaders support as many."""
         planes = [collider for _, collider in self.scene.colliders if isinstance(collider, Plane)]
@@ -143,7 +147,7 @@ class Scenery:
             draw_elements(*drawn)
 
     def draw_shadows(
-        self, camera: Camera3D, time: float, lowest: float, cloth: Iterable[Drawn], others: Sequence[Shade] = ()
+        self, camera: Camera, time: float, lowest: float, cloth: Iterable[Drawn], others: Sequence[Shade] = ()
     ) -> None:
         """Draw the shadows of the cloth, of the colliders and, each by itself, of `others`, on the lit planes that are
         seen from above."""
@@ -177,7 +181,7 @@ class Scenery:
         gl.glDepthMask(gl.GL_TRUE)
         gl.glDisable(gl.GL_POLYGON_OFFSET_FILL)
 
-    def draw_ground(self, camera: Camera3D, time: float, lowest: float) -> None:
+    def draw_ground(self, camera: Camera, time: float, lowest: float) -> None:
         """Draw the planes, or without any a ground under `lowest` [m]; transparent from below. Walls and ceilings are
         left out if they are seen from behind, where they would hide the scene."""
         from pyglet import gl
@@ -195,11 +199,11 @@ class Scenery:
         program.stop()
 
     @staticmethod
-    def _above(ground: Ground, camera: Camera3D) -> bool:
+    def _above(ground: Ground, camera: Camera) -> bool:
         return bool((camera.eye - ground.point) @ ground.normal > 0)
 
     @staticmethod
-    def _centre(ground: Ground, camera: Camera3D) -> np.ndarray:
+    def _centre(ground: Ground, camera: Camera) -> np.ndarray:
         """Return the point about which the ground is drawn: below the camera's target."""
         return camera.target - ((camera.target - ground.point) @ ground.normal) * ground.normal
 

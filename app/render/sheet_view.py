@@ -4,12 +4,11 @@ surface or as such springs, with what it collides with and a ground."""
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from softlab.app.render import colours, shaders
-from softlab.app.render.camera3d import Camera3D
+from softlab.app.render.camera import Camera
 from softlab.app.render.detail import FINE, Detail
 from softlab.app.render.drawn_springs import drawn_lines
 from softlab.app.render.opengl import shader_program
@@ -104,7 +103,7 @@ class SheetView(View):
             self.lines = not self.lines
         return self.lines
 
-    def _draw_solid(self, camera: Any, strain_range: float) -> None:
+    def _draw_solid(self, camera: Camera, strain_range: float) -> None:
         if self.lines:
             self._draw_springs(camera, strain_range)
             return
@@ -113,11 +112,11 @@ class SheetView(View):
         draw_elements(*self._surface)
         self._lit.program.stop()
 
-    def _draw_shadows(self, camera: Camera3D, time: float) -> None:
+    def _draw_shadows(self, camera: Camera, time: float) -> None:
         shown = [drawn for drawn, _ in self._lines] if self.lines else [self._surface]
         self._scenery.draw_shadows(camera, time, self.lowest, shown)
 
-    def _draw_springs(self, camera: Any, strain_range: float) -> None:
+    def _draw_springs(self, camera: Camera, strain_range: float) -> None:
         program = self._spring_program
         program.use()
         program["transform"] = uniform_matrix(camera.matrix())
@@ -133,7 +132,7 @@ class SheetView(View):
             draw_elements(*drawn)
         program.stop()
 
-    def _draw_over(self, camera: Any, selected: int | None) -> None:
+    def _draw_over(self, camera: Camera, selected: int | None) -> None:
         from pyglet import gl
 
         apart = self.detail.coarse * camera.scale * self.scene.grid.spacing  # pixels of the window

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
+from ctypes import c_uint
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from softlab.app.render.bodies import shaders as body_shaders
-from softlab.app.render.camera3d import Camera3D
+from softlab.app.render.camera import Camera
 from softlab.app.render.opengl import shader_program
 from softlab.app.render.scenery import KEY, Lit, Scenery
 from softlab.app.render.vertex_arrays import draw_squares, uniform_matrix
 
+if TYPE_CHECKING:
+    from pyglet.graphics.shader import ShaderProgram
+
 SHINE = 0.10
-Balls = tuple[Any, int, float]  # an array of `square_array`, how many, what is drawn of each one's radius
+Balls = tuple[c_uint, int, float]  # an array of `square_array`, how many, what is drawn of each one's radius
 
 
 class Spheres:
@@ -39,7 +43,7 @@ class Spheres:
         self._shadow["side"], self._shadow["other"] = tuple(side), tuple(np.cross(light, side))
         self._shadow.stop()
 
-    def draw(self, camera: Camera3D, smooth: bool, balls: Iterable[Balls]) -> None:
+    def draw(self, camera: Camera, smooth: bool, balls: Iterable[Balls]) -> None:
         """Draw the spheres. `smooth`: the picture has several samples per pixel."""
         from pyglet import gl
 
@@ -55,7 +59,7 @@ class Spheres:
         gl.glDisable(gl.GL_SAMPLE_ALPHA_TO_COVERAGE)
         program.stop()
 
-    def shade(self, camera: Camera3D, flatten: np.ndarray, centre: np.ndarray, balls: Balls) -> None:
+    def shade(self, camera: Camera, flatten: np.ndarray, centre: np.ndarray, balls: Balls) -> None:
         """Draw the shadows of spheres (see Scenery.draw_shadows)."""
         array, count, size = balls
         use_shadow(self._shadow, camera, flatten, centre)
@@ -64,7 +68,7 @@ class Spheres:
         self._shadow.stop()
 
 
-def use_shadow(program: Any, camera: Camera3D, flatten: np.ndarray, centre: np.ndarray) -> None:
+def use_shadow(program: ShaderProgram, camera: Camera, flatten: np.ndarray, centre: np.ndarray) -> None:
     """Use a program of shadows from now on."""
     program.use()
     program["transform"], program["flatten"] = uniform_matrix(camera.matrix()), uniform_matrix(flatten)

@@ -5,17 +5,17 @@ or strain; or the edges of the tetrahedra, coloured by strain."""
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
 from softlab.app.render import colours, shaders3d
-from softlab.app.render.camera3d import Camera3D
+from softlab.app.render.camera import Camera
 from softlab.app.render.detail import FINE, Detail
 from softlab.app.render.particle_colours import of_numbers
 from softlab.app.render.scenery import Drawn, Lit
 from softlab.app.render.sheet_view import SheetView
 from softlab.app.render.vertex_arrays import delete_all, draw_elements, refill, static_buffer, vertex_array
+from softlab.app.render.view import Shining
 from softlab.model.base.errors import InputError
 from softlab.model.core.build import pinned_indices
 from softlab.model.core.simulation import Simulation
@@ -113,7 +113,7 @@ class TetrahedraView(SheetView):
             self._inner_pins = self._inner_pins_of(scene)
         super().pin(scene)
 
-    def _lits(self) -> list[Any]:
+    def _lits(self) -> list[Shining]:
         return [*super()._lits(), self._tinted]
 
     # ------------------------------------------------------------------ how they look
@@ -175,7 +175,7 @@ class TetrahedraView(SheetView):
             self._most = max(self._most, colours.round_up(max(worst, LEAST[self.colouring])))
         self._surfaces[self.skin].send(position, level, self._most)
 
-    def _draw_solid(self, camera: Any, strain_range: float) -> None:
+    def _draw_solid(self, camera: Camera, strain_range: float) -> None:
         if self.lines:
             self._draw_springs(camera, strain_range)
             return
@@ -186,7 +186,7 @@ class TetrahedraView(SheetView):
         draw_elements(*self._surfaces[self.skin].drawn)
         self._tinted.program.stop()
 
-    def _draw_over(self, camera: Any, selected: int | None) -> None:
+    def _draw_over(self, camera: Camera, selected: int | None) -> None:
         from pyglet import gl
 
         super()._draw_over(camera, selected)
@@ -199,7 +199,7 @@ class TetrahedraView(SheetView):
         self._point_program.stop()
         gl.glEnable(gl.GL_DEPTH_TEST)
 
-    def _draw_shadows(self, camera: Camera3D, time: float) -> None:
+    def _draw_shadows(self, camera: Camera, time: float) -> None:
         shown = [drawn for drawn, _ in self._lines] if self.lines else [self._surfaces[self.skin].drawn]
         self._scenery.draw_shadows(camera, time, self.lowest, shown)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -32,7 +32,7 @@ def refill(buffer: int, data: np.ndarray) -> None:
     gl.glBindBuffer(gl.GL_ARRAY_BUFFER, 0)
 
 
-def _array_of(sources: list[tuple[int, int, int]], elements: int | None = None) -> Any:
+def _array_of(sources: list[tuple[int, int, int]], elements: int | None = None) -> ctypes.c_uint:
     """A vertex array of (place, buffer, numbers a vertex), float32; without `elements` a vertex is an instance."""
     from pyglet import gl
 
@@ -54,7 +54,7 @@ def _array_of(sources: list[tuple[int, int, int]], elements: int | None = None) 
 
 def vertex_array(
     position: int, elements: int, normal: int | None = None, dimensions: int = 3, colour: int | None = None
-) -> Any:
+) -> ctypes.c_uint:
     """A vertex array of (vertices, dimensions) float32 buffers, drawn in the order of the buffer `elements`; `colour`: of
     each vertex (vertices, 3)."""
     normals = [] if normal is None else [(NORMAL, normal, dimensions)]
@@ -62,12 +62,12 @@ def vertex_array(
     return _array_of([(POSITION, position, dimensions), *normals, *appearances], elements)
 
 
-def square_array(position: int, appearance: int, dimensions: int = 3) -> Any:
+def square_array(position: int, appearance: int, dimensions: int = 3) -> ctypes.c_uint:
     """A vertex array of a square a vertex: (vertices, dimensions) positions, and colours and sizes (vertices, 4); float32."""
     return _array_of([(POSITION, position, dimensions), (APPEARANCE, appearance, 4)])
 
 
-def point_array(position: int, appearance: int, dimensions: int = 3) -> Any:
+def point_array(position: int, appearance: int, dimensions: int = 3) -> ctypes.c_uint:
     """A vertex array of points: (vertices, dimensions) positions, and colours with alpha (vertices, 4); float32."""
     from pyglet import gl
 
@@ -79,7 +79,7 @@ def point_array(position: int, appearance: int, dimensions: int = 3) -> Any:
     return array
 
 
-def draw_elements(array: Any, mode: int, count: int) -> None:
+def draw_elements(array: ctypes.c_uint, mode: int, count: int) -> None:
     """Draw `count` elements of a vertex array."""
     from pyglet import gl
 
@@ -87,7 +87,7 @@ def draw_elements(array: Any, mode: int, count: int) -> None:
     gl.glDrawElements(mode, count, gl.GL_UNSIGNED_INT, None)
 
 
-def draw_squares(array: Any, count: int) -> None:
+def draw_squares(array: ctypes.c_uint, count: int) -> None:
     """Draw `count` squares of `square_array`."""
     from pyglet import gl
 
@@ -100,7 +100,7 @@ def uniform_matrix(matrix: np.ndarray) -> tuple[float, ...]:
     return tuple(matrix.T.ravel().tolist())
 
 
-def delete_all(arrays: list[Any], buffers: list[int]) -> None:
+def delete_all(arrays: Sequence[ctypes.c_uint], buffers: list[int]) -> None:
     """Free vertex arrays and buffers."""
     from pyglet import gl
 

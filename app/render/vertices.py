@@ -8,7 +8,6 @@ backend write into them where it can.
 from __future__ import annotations
 
 import ctypes
-from typing import Any
 
 import numpy as np
 
@@ -69,7 +68,7 @@ class HostVertices:
             self.send(self.normal_buffer, normal)
 
     @staticmethod
-    def send(buffer: int, array: Any, usage: int | None = None) -> None:
+    def send(buffer: int, array: np.ndarray, usage: int | None = None) -> None:
         """Upload `array` into a new store of `buffer`: the driver need not wait until the last frame was drawn. `usage`
         None: the host writes it every frame."""
         from pyglet import gl

@@ -13,13 +13,14 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
+from ctypes import c_uint
 from dataclasses import replace
-from typing import Any
+from typing import Protocol
 
 import numpy as np
 
 from softlab.app.render import colours, shaders
-from softlab.app.render.camera3d import Camera3D
+from softlab.app.render.camera import Camera
 from softlab.app.render.collider_shapes import Ground, grounds
 from softlab.app.render.cuda_vertices import CudaVertices
 from softlab.app.render.detail import FINE, Detail
@@ -36,6 +37,12 @@ from softlab.model.scene.scene import Scene
 RING = 22.0  # pixels
 
 
+class Shining(Protocol):
+    """Something lit: `shine` sets the direction (3,) to the light, a unit vector."""
+
+    def shine(self, light: np.ndarray) -> None: ...
+
+
 class View(ABC):
     """Draws `scene` on the graphics card. Needs a current OpenGL 3.3 context, the same in every call.
 
@@ -47,7 +54,6 @@ class View(ABC):
     lines = False
     colliders = True  # whether they are drawn, in space
     subject = "sheet"  # what it shows, by which the window's keys go: bodies, tetrahedra, fluid
-    shows_levels = False  # whether colours are levels, as soon as they are known
     colourings: tuple[str, ...] = ()  # what `next_colouring` goes through
     options: tuple[str, ...] = ("lines",)  # what can be shown or hidden, each an attribute that `toggle_NAME` changes
     # Of views with other `options` or `colourings`, of bodies, and of families with `view_options`:
@@ -90,6 +96,11 @@ class View(ABC):
         self.detail, self._target = detail, SmoothTarget(detail)
 
     @property
+    def shows_levels(self) -> bool:
+        """True if colours are levels, as soon as they are known."""
+        return False
+
+    @property
     def light(self) -> np.ndarray:
         """(3,), the unit vector toward the light that throws shadows; in space."""
         return self._scenery.light
@@ -100,8 +111,8 @@ class View(ABC):
         for lit in self._lits():
             lit.shine(light)
 
-    def _lits(self) -> list[Any]:
-        """Return everything lit, in space: each has a `shine`."""
+    def _lits(self) -> list[Shining]:
+        """Return everything lit, in space."""
         return [self._lit]
 
     def show_colliders(self, shown: bool) -> None:
@@ -158,7 +169,7 @@ class View(ABC):
         """Return the grounds that are drawn at `time` [s]; in space."""
         return grounds(self.scene, time, self.lowest)
 
-    def draw(self, camera: Any, strain_range: float, selected: int | None = None, time: float = 0.0) -> None:
+    def draw(self, camera: Camera, strain_range: float, selected: int | None = None, time: float = 0.0) -> None:
         """Draw the last upload, in space with the colliders at `time` [s]. `strain_range`: the strain at both ends of
         the colour map."""
         from pyglet import gl
@@ -184,7 +195,7 @@ class View(ABC):
             gl.glDisable(gl.GL_DEPTH_TEST)
             self._target.finish()
 
-    def _begin_space(self, camera: Camera3D, time: float) -> None:
+    def _begin_space(self, camera: Camera, time: float) -> None:
         """Draw what lies behind the masses."""
         from pyglet import gl
 
@@ -199,18 +210,18 @@ class View(ABC):
         self._lit.program.stop()
 
     @abstractmethod
-    def _draw_solid(self, camera: Any, strain_range: float) -> None:
+    def _draw_solid(self, camera: Camera, strain_range: float) -> None:
         """Draw what is opaque."""
 
     @abstractmethod
-    def _draw_shadows(self, camera: Camera3D, time: float) -> None:
+    def _draw_shadows(self, camera: Camera, time: float) -> None:
         """Draw all shadows, through the scenery."""
 
     @abstractmethod
-    def _draw_over(self, camera: Any, selected: int | None) -> None:
+    def _draw_over(self, camera: Camera, selected: int | None) -> None:
         """Draw what is transparent, and marks."""
 
-    def _use_points(self, camera: Any, array: Any) -> None:
+    def _use_points(self, camera: Camera, array: c_uint) -> None:
         """Use the points of a vertex array from now on; `_style` sets their style."""
         from pyglet import gl
 
@@ -220,7 +231,13 @@ class View(ABC):
         gl.glBindVertexArray(array)
 
     def _style(
-        self, size: float, fill: Any, rim: Any, toward: float, square: bool = False, hollow: bool = False
+        self,
+        size: float,
+        fill: Sequence[float],
+        rim: Sequence[float],
+        toward: float,
+        square: bool = False,
+        hollow: bool = False,
     ) -> None:
         """Set size and colours of points. `size`: pixels of the window."""
         program = self._point_program

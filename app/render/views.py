@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import radians
-from typing import Any
 
 from softlab.app.presentation import presentation_of
-from softlab.app.render.camera import Camera2D
+from softlab.app.render.camera import Camera, Camera2D
 from softlab.app.render.camera3d import Camera3D
 from softlab.app.render.detail import FINE, usual_detail
 from softlab.app.render.opengl import renderer_name
@@ -26,7 +25,7 @@ def view_of(scene: Scene, quick: bool = False) -> View:
     return presentation_of(scene).view(scene, detail, quick, 0)
 
 
-def camera_of(scene: Scene, width: int, height: int) -> Any:
+def camera_of(scene: Scene, width: int, height: int) -> Camera:
     """Return a Camera2D or, in space, a Camera3D for a window of `width` x `height` pixels. It has the direction of the
     scene's camera table and no target yet."""
     if scene.dimensions != 3:

@@ -4,11 +4,10 @@ light and on one ground; a fluid, through which the others are seen, last."""
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
-from softlab.app.render.camera3d import Camera3D
+from softlab.app.render.camera import Camera
 from softlab.app.render.detail import FINE, Detail
 from softlab.app.render.view import View
 from softlab.model.core.simulation import Simulation
@@ -92,16 +91,16 @@ class WorldView(View):
 
     # ------------------------------------------------------------------ the frame
 
-    def _draw_solid(self, camera: Any, strain_range: float) -> None:
+    def _draw_solid(self, camera: Camera, strain_range: float) -> None:
         for part in self.parts.values():
             part._draw_solid(camera, strain_range)
 
-    def _draw_shadows(self, camera: Camera3D, time: float) -> None:
+    def _draw_shadows(self, camera: Camera, time: float) -> None:
         for part in self.parts.values():
             part.lowest = self.lowest
             part._draw_shadows(camera, time)
 
-    def _draw_over(self, camera: Any, selected: int | None) -> None:
+    def _draw_over(self, camera: Camera, selected: int | None) -> None:
         for name, part in self.parts.items():
             place = self._slices[name]
             part.onto = self._target

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -132,7 +131,7 @@ def masses_text(scene: Scene, inverse_mass: np.ndarray | None = None) -> str:
     return text + (f", {colliders} collider{'s' * (colliders > 1)}" if colliders else "")
 
 
-def demo_state(demo: Demo, camera: Camera, pane: Pane, height: int) -> dict[str, Any]:
+def demo_state(demo: Demo, camera: Camera, pane: Pane, height: int) -> dict[str, object]:
     """Return the state of the demo as plain JSON values.
 
     Most are of the current world, which is drawn in `pane` of a window `height` pixels high; `worlds` has the numbers
@@ -195,7 +194,7 @@ def demo_state(demo: Demo, camera: Camera, pane: Pane, height: int) -> dict[str,
     }
 
 
-def write_state(path: Path, state: dict[str, Any]) -> None:
+def write_state(path: Path, state: dict[str, object]) -> None:
     """Replace the JSON file `path` at once, so that a reader never sees half of it."""
     with replacing(path) as temporary:
         temporary.write_text(json.dumps(state), encoding="utf-8")

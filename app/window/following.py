@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from softlab.app.render.camera import Margins, joined_bounds
+from softlab.app.render.camera3d import Camera3D
 from softlab.app.render.collider_shapes import with_colliders
 from softlab.app.render.fluid.framing import main_part, with_fluids, with_tank
 from softlab.app.window.panes import IN_A_ROW
@@ -72,10 +73,11 @@ class Following:
 
     def stay_above_ground(self) -> None:
         """Keep the camera above the ground, in space."""
-        if self.viewer.space:
+        camera = self.viewer.camera
+        if isinstance(camera, Camera3D):
             for view, world in zip(self.viewer.views, self.demo.worlds, strict=True):
                 for ground in view.grounds(world.time):
-                    self.viewer.camera.stay_above(ground.point, ground.normal)
+                    camera.stay_above(ground.point, ground.normal)
 
     def _margins(self) -> Margins:
         """Return the margins of a pane."""

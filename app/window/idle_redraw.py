@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from softlab.app.window.overlay import MESSAGE_SECONDS
 from softlab.app.window.window_protocol import WindowProtocol
 
@@ -27,11 +25,11 @@ class IdleRedraw:
         # on top of all other handlers, and passing all on
         viewer.window.push_handlers(on_mouse_motion=self._over_panel, **dict.fromkeys(TOUCHES, self.touch))
 
-    def touch(self, *_: Any) -> None:
+    def touch(self, *_: object) -> None:
         """Draw the next frames, because there was input."""
         self._left = SETTLE
 
-    def _over_panel(self, *_: Any) -> None:
+    def _over_panel(self, *_: object) -> None:
         if self.viewer.panel.open:
             self.touch()
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from softlab.model.core.options import LIVE_PATHS
 from softlab.model.scene.scene import Scene
 from softlab.model.tables.parts import Gravity
@@ -32,9 +30,9 @@ def live_parts(scene: Scene) -> tuple[str, ...]:
     return tuple(name for name, is_live in present.items() if is_live)
 
 
-def live_fields(scene: Scene) -> dict[str, Any]:
+def live_fields(scene: Scene) -> dict[str, object]:
     """Return dotted path -> value of all live fields of a scene. Gravity is one even if the scene has none."""
-    values: dict[str, Any] = {}
+    values: dict[str, object] = {}
     for name in live_parts(scene):
         for path in LIVE_PATHS[name]:
             part = path.partition(".")[0]

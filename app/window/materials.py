@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 from softlab.app.presentation import presentation_of
 from softlab.model.scene.scene import Scene
-from softlab.model.tables.tetrahedra import LARGEST_RATIO
+from softlab.model.tables.tetrahedra import LARGEST_RATIO, TetrahedralBody
 
 FACTORS = {"young_modulus": 1.25, "poisson_ratio": 1.25, "damping": 2.0}  # of one press
 FIRST_DAMPING, LAST_DAMPING = 1e-3, 1e-4  # s: the first one of a body that has none, and below which there is none
 TEXTS = {"young_modulus": "E {:.3g} Pa", "poisson_ratio": "Poisson's ratio {:.3g}", "damping": "damping {:.3g} s"}
 
 
-def bodies_of(scene: Scene) -> Mapping[str, Any]:
+def bodies_of(scene: Scene) -> Mapping[str, TetrahedralBody]:
     """Return the bodies whose material the keys change, by name."""
     return presentation_of(scene).materials(scene)
 

@@ -5,12 +5,11 @@ Coordinates are frame-buffer pixels from the lower left corner.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from softlab.app.presentation import presentation_of
-from softlab.app.render.camera import pick
+from softlab.app.render.camera import Camera, pick
+from softlab.app.render.camera3d import Camera3D
 from softlab.app.window.window_protocol import WindowProtocol
 
 PLANE_PICK_RADIUS = 22.0  # pixels from the pointer within which a mass of a plane is taken
@@ -32,7 +31,7 @@ class Mouse:
         self._taken: np.ndarray = np.zeros(0)  # m, where the mass lay
 
     @property
-    def _camera(self) -> Any:
+    def _camera(self) -> Camera:
         return self.viewer.camera
 
     def _take(self, x: float, y: float) -> bool:
@@ -73,7 +72,9 @@ class Mouse:
             self.viewer.follow = False
             self._camera.pan(dx, dy)
         elif self._moving is not None:
-            self._camera.orbit(dx, dy)  # what is followed is followed from any side
+            camera = self._camera
+            assert isinstance(camera, Camera3D)
+            camera.orbit(dx, dy)  # what is followed is followed from any side
 
     def release(self, button: int) -> None:
         """Handle a button that went up."""

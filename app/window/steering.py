@@ -59,7 +59,7 @@ class Steering(Poking):
         """Return True if a field changes while the world runs."""
         return any(path in LIVE_PATHS[name] for name in self.world.options.live)
 
-    def set_field(self, path: str, value: Any) -> bool:
+    def set_field(self, path: str, value: object) -> bool:
         """Set a field of the changed worlds that have its table, live or by opening them anew."""
         if self._blocked():
             return False
@@ -75,7 +75,7 @@ class Steering(Poking):
         self.say(f"{self.whose}{path} = {_text(value)}")
         return True
 
-    def set_fields(self, wanted: Sequence[Mapping[str, Any]], message: Callable[[], str]) -> bool:
+    def set_fields(self, wanted: Sequence[Mapping[str, object]], message: Callable[[], str]) -> bool:
         """Reopen each changed world with the `wanted` fields, and show `message()`. Returns True on success."""
         if self._blocked():
             return False
@@ -96,7 +96,7 @@ class Steering(Poking):
         self.say(f"{self.whose}{message()}, " + ("state kept" if same else "restarted because the masses changed"))
         return True
 
-    def _change(self, wanted: Sequence[tuple[Simulation, Mapping[str, Any]]]) -> bool:
+    def _change(self, wanted: Sequence[tuple[Simulation, Mapping[str, object]]]) -> bool:
         """Set fields of worlds by their paths, or say why not and leave every world as it was."""
         before = [(world, path, field_of(world, path)) for world, fields in wanted for path in fields]
 
@@ -265,7 +265,7 @@ def _same_masses(scene: Scene, other: Scene) -> bool:
     )
 
 
-def _text(value: Any) -> str:
+def _text(value: object) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, tuple | list):

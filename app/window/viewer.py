@@ -10,9 +10,9 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 from time import perf_counter
-from typing import Any
 
 from softlab.app.render import colours
+from softlab.app.render.camera import Camera
 from softlab.app.render.detail import by_software
 from softlab.app.render.opengl import load_pyglet, open_window, renderer_name
 from softlab.app.render.panels import EDGE
@@ -59,7 +59,7 @@ class Viewer:
             raise
         self.judge = judge
         self.panel = panel_of(self)
-        self.camera: Any = camera_of(demo.world.scene, WIDTH, HEIGHT)  # for every pane
+        self.camera: Camera = camera_of(demo.world.scene, WIDTH, HEIGHT)  # for every pane
         self._lay_out()
         self.follow = True
         self.compiling = Compiling(demo)
@@ -220,7 +220,7 @@ class Viewer:
 
     # ------------------------------------------------------------------ running
 
-    def state(self) -> dict[str, Any]:
+    def state(self) -> dict[str, object]:
         """Return the state of the demo and its window, for a state file (see `run_demo`)."""
         shown = {
             "frame": self.frame_count,

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, Protocol
+from collections.abc import Callable, Mapping, Sequence
+from types import ModuleType
+from typing import TYPE_CHECKING, Protocol
 
+from softlab.app.render.camera import Camera
 from softlab.app.render.view import View
 from softlab.app.window.demo import Demo
 from softlab.app.window.frame_times import FrameTimes
@@ -15,6 +17,9 @@ from softlab.model.base.components import component
 from softlab.model.base.errors import BackendUnavailable, Diverged
 from softlab.model.core.simulation import State
 from softlab.model.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from pyglet.window import BaseWindow
 
 PANEL = "softlab.app.window.panel.panel:Panel"  # an optional component
 
@@ -50,20 +55,31 @@ class Taking(Protocol):
     def scrolled(self, x: float, y: float, across: float, up: float) -> bool: ...
 
 
+class Panel(Taking, Protocol):
+    """The panel of the window, `width` pixels wide while it is open, or what stands for it."""
+
+    @property
+    def width(self) -> int: ...
+    def lay_out(self) -> None: ...
+    def draw(self) -> None: ...
+    def widget_places(self) -> Mapping[str, Sequence[float]] | None: ...
+    def close(self) -> None: ...
+
+
 class WindowProtocol(Protocol):
     """The window over a Demo (app/window/viewer.py): `space`, `bodies`: it shows three dimensions, bodies; `width`,
     `height` in frame-buffer pixels, of which the scene has the left `shown_width` and the panel the rest; `follow`: the
     camera follows the motion; `frame_seconds`, `draw_seconds` [s] of the last frame; `drawn_by`: by software, or
     nothing; `judge`: returns the error of a state, or the reason why none is known."""
 
-    pyglet: Any
+    pyglet: ModuleType
     demo: Demo
-    window: Any
+    window: BaseWindow
     space: bool
     bodies: bool
     views: list[View]
     panes: list[Pane]
-    camera: Any
+    camera: Camera
     view_options: ViewOptions
     follow: bool
     frame_seconds: float
@@ -85,10 +101,11 @@ class WindowProtocol(Protocol):
     def drop_place(self, x: float, y: float) -> tuple[float, float, float]: ...
 
 
-def panel_of(viewer: WindowProtocol) -> Any:
+def panel_of(viewer: WindowProtocol) -> Panel:
     """Return the panel of a window, or what stands for it: closed, and A says what to install."""
     try:
-        return component(PANEL, "the panel")(viewer)
+        panel: Panel = component(PANEL, "the panel")(viewer)
+        return panel
     except BackendUnavailable as missing:
         return WithoutPanel(viewer, str(missing))
 
@@ -104,7 +121,7 @@ class WithoutPanel:
     def toggle(self) -> None:
         self._viewer.demo.say(self._missing)
 
-    def _leave(self, *_: Any) -> bool:
+    def _leave(self, *_: object) -> bool:
         """Take neither keys nor mouse."""
         return False
 

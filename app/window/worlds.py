@@ -5,6 +5,7 @@ user does to them is in app/window/demo.py.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from math import inf, log
 from time import perf_counter
 from typing import Self
@@ -188,7 +189,7 @@ class Worlds:
                 self.world.read("position", into=self._positions[self.current])
             steps = self.steps_per_frame * batch // self._batches() - done
             self._guard(self._push)
-            if not self._guard(lambda steps=steps: self._pull_and_advance(steps)):  # type: ignore[misc]
+            if not self._guard(partial(self._pull_and_advance, steps)):
                 return
             done += steps
 

@@ -26,7 +26,7 @@ class WorkerBars:
         self.all = self.bars.add_task("waiting for workers", total=None)
         return self
 
-    def __exit__(self, *error: Any) -> None:
+    def __exit__(self, *error: object) -> None:
         self.bars.__exit__(*error)
 
     def show(

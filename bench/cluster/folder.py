@@ -17,7 +17,7 @@ from __future__ import annotations
 import json
 import os
 import pickle
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -40,8 +40,8 @@ class Order:
     seconds between signs of life; a sweep without any for `patience` of them is gone.
     """
 
-    run: Any
-    how: dict[str, Any]
+    run: Callable[..., Any]
+    how: dict[str, object]
     command: str
     backends: tuple[str, ...] | None
     version: tuple[str, ...]

@@ -27,7 +27,7 @@ FOLDER = ".workers"  # replaces the store's suffix
 
 def on_cluster(
     store: Store,
-    run: Any,
+    run: Callable[..., Any],
     where: Where,
     *,
     timed: bool = True,

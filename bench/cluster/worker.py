@@ -16,7 +16,7 @@ import traceback
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from types import FrameType
 
 from softlab.bench.cluster.folder import BROKEN, DONE, REFUSED, STOPPED, Folder, Order, Status
 from softlab.bench.cluster.turns import Turn, host_name
@@ -61,7 +61,7 @@ class Life:
         self._thread.join()
         self.report()
 
-    def _interrupted(self, number: int, frame: Any) -> None:
+    def _interrupted(self, number: int, frame: FrameType | None) -> None:
         if not self.stopped_by:
             self.stopped_by = self._reason or f"stopped by {signal.Signals(number).name}"
             raise KeyboardInterrupt

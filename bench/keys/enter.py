@@ -10,24 +10,23 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterable, Mapping
-from typing import Any
 
 from softlab.bench.keys.ask import NO_KERNELS, keys_at
 from softlab.bench.keys.versions import MEASURING, version_of
 from softlab.bench.store.database import Store
-from softlab.bench.store.schema import configuration_hash
+from softlab.bench.store.schema import Description, configuration_hash
 from softlab.bench.store.versions import BACKENDS, digest_of
 from softlab.model.base.digest import ROOT
 
 KEY = "kernel_key"
-Measured = tuple[Mapping[str, Any], str]  # a description and the text of its sources
+Measured = tuple[Description, str]  # a description and the text of its sources
 
 
-def _has_kernels(description: Mapping[str, Any]) -> bool:
+def _has_kernels(description: Description) -> bool:
     return description.get("peer") is None and description.get("backend") in BACKENDS
 
 
-def _keys(descriptions: Mapping[str, Mapping[str, Any]], experiment: str) -> dict[str, str]:
+def _keys(descriptions: Mapping[str, Description], experiment: str) -> dict[str, str]:
     """Return hash of a configuration -> its measure `kernel_key`; empty where this process runs no kernels."""
     if not descriptions or experiment not in MEASURING or any(os.environ.get(name, "0") != "0" for name in NO_KERNELS):
         return {}

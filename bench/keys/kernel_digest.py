@@ -65,14 +65,16 @@ class KernelDigests:
     """Digests of functions and values; each function's is computed once."""
 
     def __init__(self) -> None:
-        self._known: dict[int, tuple[Any, str]] = {}  # by identity, with the object, so that no other takes its place
+        self._known: dict[
+            int, tuple[object, str]
+        ] = {}  # by identity, with the object, so that no other takes its place
         self._entered: dict[int, int] = {}
 
-    def of(self, kernel: Any) -> str:
+    def of(self, kernel: object) -> str:
         """Return the digest (16 hexadecimal digits) of a compiled or plain function. Raises SourceUnknown."""
         return _hash(self.describe(kernel))
 
-    def describe(self, value: Any) -> str:
+    def describe(self, value: object) -> str:
         """The text that stands for a value: its content, never its name."""
         if isinstance(value, float):
             return f"float {value.hex()}"
@@ -94,7 +96,7 @@ class KernelDigests:
             return self._of_class(value)
         return self._of_object(value)
 
-    def _of_object(self, value: Any) -> str:
+    def _of_object(self, value: object) -> str:
         if hasattr(value, "dtype") and hasattr(value, "tobytes"):
             return f"{value.dtype.str} {getattr(value, 'shape', ())} {_hash(value.tobytes())}"
         if (
@@ -119,7 +121,7 @@ class KernelDigests:
 
     # ------------------------------------------------------------------ functions
 
-    def _once(self, value: Any) -> str:
+    def _once(self, value: object) -> str:
         known = self._known.get(id(value))
         if known is None:
             known = self._known[id(value)] = (value, _hash(self._of_callable(value)))
@@ -146,13 +148,13 @@ class KernelDigests:
         finally:
             del self._entered[id(value)]
 
-    def _options(self, options: dict[str, Any]) -> str:
+    def _options(self, options: dict[str, object]) -> str:
         return ",".join(f"{name}={self.describe(options[name])}" for name in sorted(options))
 
     def _of_function(self, function: types.FunctionType) -> str:
         cells = dict(zip(function.__code__.co_freevars, function.__closure__ or (), strict=True))
 
-        def resolve(name: str) -> Any:
+        def resolve(name: str) -> object:
             if name in cells:
                 try:
                     return cells[name].cell_contents

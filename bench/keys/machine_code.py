@@ -37,7 +37,7 @@ def without_names(text: str) -> str:
 
 def machine_code_key(calls: Iterable[Launch]) -> str:
     """One hash of the code of all kernels among the launches, each for the types of its arguments."""
-    texts: dict[tuple[Any, ...], str] = {}
+    texts: dict[tuple[object, ...], str] = {}
     for call in calls:
         types = tuple(map(_type_of, call.arguments))
         if (id(call.kernel), types) not in texts:
@@ -51,7 +51,7 @@ def _hash(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
-def _type_of(argument: Any) -> Any:
+def _type_of(argument: object) -> object:
     from numba import typeof, types
     from numba.np.numpy_support import from_dtype
 
@@ -60,7 +60,7 @@ def _type_of(argument: Any) -> Any:
     return typeof(argument)
 
 
-def _code(kernel: Any, types: tuple[Any, ...]) -> str:
+def _code(kernel: Any, types: tuple[object, ...]) -> str:
     if type(kernel).__name__ == "CUDADispatcher":
         from numba import cuda
 
@@ -79,7 +79,7 @@ def _code(kernel: Any, types: tuple[Any, ...]) -> str:
     return "\n".join(sorted(texts, key=without_names))
 
 
-def _folded(kernel: Any, argument_types: tuple[Any, ...]) -> Iterator[Any]:
+def _folded(kernel: Any, argument_types: tuple[object, ...]) -> Iterator[object]:
     """Yield the types of the arguments by parameter, those of `*arguments` as one tuple."""
     from numba import types
 
@@ -93,7 +93,7 @@ def _folded(kernel: Any, argument_types: tuple[Any, ...]) -> Iterator[Any]:
 
 def _inner(kernel: Any) -> Iterator[Any]:
     """A compiled function and those that it calls, bodies of parallel kernels among them, which it enters by address."""
-    seen: dict[int, Any] = {}
+    seen: dict[int, object] = {}
     waiting = [kernel]
     while waiting:
         value = waiting.pop()

@@ -13,6 +13,7 @@ import json
 import sys
 from contextlib import nullcontext
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 HERE = Path(__file__).resolve().parents[2]
@@ -30,7 +31,7 @@ def load_tools() -> None:
         spec.loader.exec_module(sys.modules[name])
 
 
-def lab(module: str) -> Any:
+def lab(module: str) -> ModuleType:
     """A module of the checkout's lab, whose layers were top-level packages once."""
     packed = (Path(sys.path[0]) / "softlab" / "__init__.py").is_file()
     return importlib.import_module(f"softlab.{module}" if packed else module)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from types import SimpleNamespace
@@ -28,7 +28,7 @@ class Launch:
     """A kernel (a dispatcher of numba) and the arguments of one of its calls."""
 
     kernel: Any
-    arguments: tuple[Any, ...]
+    arguments: tuple[object, ...]
 
 
 @contextmanager
@@ -42,19 +42,21 @@ def recorded() -> Iterator[list[Launch]]:
     calls: list[Launch] = []
     run = CPUDispatcher.__call__
 
-    def note(kernel: Any, arguments: tuple[Any, ...]) -> None:
+    def note(kernel: object, arguments: tuple[object, ...]) -> None:
         calls.append(Launch(kernel, arguments))
 
-    def note_or_run(kernel: Any, *arguments: Any) -> Any:
-        building = sys._getframe(1).f_code.co_name in BUILDING
-        return run(kernel, *arguments) if building else note(kernel, arguments)
+    def note_or_run(kernel: Any, *arguments: object) -> object:
+        if sys._getframe(1).f_code.co_name in BUILDING:
+            return run(kernel, *arguments)
+        note(kernel, arguments)
+        return None
 
     with ExitStack() as stack:
         stack.enter_context(patch.object(CPUDispatcher, "__call__", note_or_run, create=True))
         with suppress(ImportError):
             from numba.cuda.dispatcher import CUDADispatcher
 
-            def launcher(kernel: Any, configuration: Any) -> Any:
+            def launcher(kernel: object, configuration: object) -> Callable[..., None]:
                 return lambda *arguments: note(kernel, arguments)
 
             stack.enter_context(patch.object(CUDADispatcher, "__getitem__", launcher))
@@ -63,8 +65,8 @@ def recorded() -> Iterator[list[Launch]]:
 
 def arrays_of(calls: list[Launch]) -> Iterator[np.ndarray | np.void]:
     """Return every array and record among the arguments of the calls, each once; of device arrays the host's copy."""
-    seen: dict[int, Any] = {}
-    waiting: list[Any] = [argument for call in calls for argument in call.arguments]
+    seen: dict[int, object] = {}
+    waiting: list[object] = [argument for call in calls for argument in call.arguments]
     while waiting:
         value = waiting.pop()
         if isinstance(value, tuple | list):
@@ -110,11 +112,11 @@ class DeviceArray:
         self.array = array
         self.gpu_data = SimpleNamespace(memset=lambda *_, **__: None)
 
-    def copy_to_device(self, other: Any, stream: Any = 0) -> None:
+    def copy_to_device(self, other: object, stream: object = 0) -> None:
         source = other.array if isinstance(other, DeviceArray) else np.asarray(other)
         self.array.reshape(-1)[...] = source.reshape(-1).view(self.array.dtype)
 
-    def copy_to_host(self, ary: Any = None, stream: Any = 0) -> np.ndarray:
+    def copy_to_host(self, ary: np.ndarray | None = None, stream: object = 0) -> np.ndarray:
         if ary is None:
             return self.array.copy()
         ary[...] = self.array
@@ -155,7 +157,7 @@ class _Compiled:
         self._codelibrary = SimpleNamespace(get_cufunc=lambda: function)
         self._multiprocessors = multiprocessors
 
-    def max_cooperative_grid_blocks(self, threads: int, *_: Any) -> int:
+    def max_cooperative_grid_blocks(self, threads: int, shared_bytes: int = 0) -> int:
         return self._multiprocessors * max(1, 1024 // max(1, int(threads)))
 
 
@@ -163,7 +165,7 @@ H200 = {"MULTIPROCESSOR_COUNT": 132, "MAX_SHARED_MEMORY_PER_BLOCK_OPTIN": 232448
 
 
 @contextmanager
-def fake_gpu(**attributes: Any) -> Iterator[None]:
+def fake_gpu(**attributes: object) -> Iterator[None]:
     """Make numba.cuda inside behave as with a GPU of these attributes (by default an H200's).
 
     Arrays are in main memory, graphs are empty. Launch kernels inside only under `recorded`.
@@ -185,7 +187,7 @@ def fake_gpu(**attributes: Any) -> Iterator[None]:
         "device_array": lambda shape, dtype=np.float64, stream=0, **_: DeviceArray(np.zeros(shape, dtype)),
         "as_cuda_array": lambda array, sync=True: array,
     }
-    graph: dict[str, Any] = {name: lambda *_: (0, 0) for name in ("cudaStreamEndCapture", "cudaGraphInstantiate")}
+    graph: dict[str, object] = {name: lambda *_: (0, 0) for name in ("cudaStreamEndCapture", "cudaGraphInstantiate")}
     for name in ("cudaStreamBeginCapture", "cudaGraphDestroy", "cudaGraphLaunch", "cudaGraphExecDestroy"):
         graph[name] = lambda *_: (0,)
     with ExitStack() as stack:

@@ -20,7 +20,7 @@ COMPARISONS: dict[type[ast.cmpop], Callable[[Any, Any], Any]] = {
 }  # fmt: skip
 
 Resolve = Callable[[str], Any]  # the value of a name from outside the function; raises LookupError
-Describe = Callable[[Any], str]  # the text that stands for such a value
+Describe = Callable[[object], str]  # the text that stands for such a value
 
 
 def parameters_of(arguments: ast.arguments) -> tuple[list[str], list[str]]:
@@ -236,7 +236,7 @@ class _Writer:
         return local or repr(child)
 
 
-def _is_namespace(value: Any) -> bool:
+def _is_namespace(value: object) -> bool:
     """True for what holds functions or constants by name: a module, a SimpleNamespace, a NamedTuple."""
     return isinstance(value, types.ModuleType | types.SimpleNamespace) or hasattr(type(value), "_fields")
 

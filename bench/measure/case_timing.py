@@ -20,6 +20,7 @@ from softlab.bench.measure.timing import Subject, prepare
 from softlab.bench.store.database import Store
 from softlab.bench.store.marks import is_wrong
 from softlab.bench.store.results import Measure, by_configuration, configuration
+from softlab.bench.store.schema import Description
 from softlab.model.base.errors import Diverged
 from softlab.model.core.simulation import Simulation
 from softlab.model.core.spare import counts
@@ -36,7 +37,7 @@ class Case:
 
     scene: Scene
     backend: str
-    description: dict[str, Any]
+    description: Description
     sources: str
     label: str
 
@@ -105,7 +106,7 @@ def _rank(row: Row, name: str) -> Any:
     return -value if name.startswith("-") else value
 
 
-class Rates(Experiment):
+class Rates(Experiment[Case, Row]):
     """Experiment on the rate of work of cases.
 
     `step`, `rate`, `kernel`: names of its measures in the store, by default after `name`: the median step [s], `work` of the

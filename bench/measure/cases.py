@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
 
 from softlab.app.driver import open_simulation
 from softlab.bench.measure.experiment import Summary
 from softlab.bench.measure.timing import DRAW_EVERY
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import ITEM_BYTES
+from softlab.bench.store.schema import Description
 from softlab.model.core.simulation import Simulation
 from softlab.model.scene.scene import Scene
 
 LADDER = ("stages", "launch", "graph", "one-block", "resident", "tiles", "fused", "tiled", "team")  # plainest first
 
-Kind = tuple[Any, ...]  # what cases have in common
+Kind = tuple[object, ...]  # what cases have in common
 Costs = dict[Kind, tuple[int, float, float]]  # kind of case -> (particles, seconds a step, to restore)
 
 
@@ -61,7 +61,7 @@ class Case:
     threads: int | None
     precision: str
     graphics: bool
-    description: dict[str, Any]
+    description: Description
     sources: str
     kernel: str | None = None
     most_repeats: int | None = None

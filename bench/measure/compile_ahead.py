@@ -16,15 +16,18 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Protocol, runtime_checkable
 
 from softlab.bench.measure.gpu import gpu_simulated
 from softlab.bench.measure.partition import Alone, use_partition
 from softlab.bench.measure.progress import progress_bar
+from softlab.bench.store.schema import Description
 from softlab.cpu_backend.core.threads import core_count
 from softlab.model.base.errors import SoftlabError
 from softlab.model.base.files import replacing
 from softlab.model.base.kernel_cache import folder
+from softlab.model.core.simulation import Simulation
+from softlab.model.scene.scene import Scene
 
 FEWEST = 4  # jobs: fewer are done before a process has started
 MAX_WORKERS = 12
@@ -39,7 +42,7 @@ class Job:
     """Work whose result `run`, in any process, leaves on disk. Jobs of one `kind` leave the same."""
 
     kind: Kind
-    run: Callable[[], Any]
+    run: Callable[[], object]
 
     @property
     def key(self) -> str:
@@ -70,7 +73,22 @@ def gathering(progress: bool) -> Iterator[None]:
     do_ahead(jobs, progress)
 
 
-def kind_of(case: Any) -> Kind:
+@runtime_checkable
+class Openable(Protocol):
+    """A case whose simulation can be opened: its kernels are compiled ahead."""
+
+    @property
+    def scene(self) -> Scene: ...
+    @property
+    def backend(self) -> str: ...
+    @property
+    def description(self) -> Description: ...
+    @property
+    def sources(self) -> str: ...
+    def open(self) -> Simulation: ...
+
+
+def kind_of(case: Openable) -> Kind:
     """Key of the kernels of a case: parts of its scene, words of its method, its size, backend and options."""
     scene, method = case.scene, case.scene.method
     words = sorted(f"{name}={value}" for name, value in method.model_dump().items() if isinstance(value, str))
@@ -82,17 +100,17 @@ def kind_of(case: Any) -> Kind:
     )  # fmt: skip
 
 
-def compile_case(case: Any) -> None:
+def compile_case(case: Openable) -> None:
     """Open a case and compile its step; errors are reported where the case is measured."""
     with suppress(SoftlabError, MemoryError), case.open() as simulation:
         simulation.warm_up()
 
 
-def compilations(cases: Iterable[Any]) -> Iterator[Job]:
+def compilations(cases: Iterable[object]) -> Iterator[Job]:
     """Yield the compilation of each case; not of cases that are too large to be opened for nothing else."""
     for case in cases:
-        ours = hasattr(case, "open") and getattr(case, "peer", None) is None
-        if ours and case.scene.grid.particle_count <= MAX_PARTICLES:
+        ours = getattr(case, "peer", None) is None
+        if ours and isinstance(case, Openable) and case.scene.grid.particle_count <= MAX_PARTICLES:
             yield Job(kind_of(case), partial(compile_case, case))
 
 
@@ -124,7 +142,7 @@ def _done(missing: Mapping[str, Job], workers: int, progress: bool) -> Sequence[
     done: list[str] = []
     pool = ProcessPoolExecutor(workers, context, signal.signal, (signal.SIGINT, signal.SIG_IGN))
     try:
-        futures: dict[Future[None], str] = {pool.submit(job.run): key for key, job in missing.items()}
+        futures: dict[Future[object], str] = {pool.submit(job.run): key for key, job in missing.items()}
         with progress_bar(progress) as bar:
             task = bar.add_task(f"preparing on {workers} processes", total=len(missing))
             for future in as_completed(futures):

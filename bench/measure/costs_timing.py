@@ -5,12 +5,12 @@ from __future__ import annotations
 import statistics
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from softlab.bench.measure.samples import in_turns
 from softlab.bench.measure.timing import Sample, Subject
 from softlab.bench.store.database import Store
 from softlab.bench.store.marks import is_wrong
+from softlab.bench.store.schema import Description
 
 STAGE = "costs"  # of the samples in the store
 RATIO, LEAST, MOST = "cost_ratio", "cost_ratio_least", "cost_ratio_most"  # of time a step, over the first variant's
@@ -35,7 +35,7 @@ QUICK, FULL = Effort(3, 0.02, 0.5), Effort(9, 0.2, 3.0)
 class Variant:
     """One variant of the steps: its description, and the hash of what it depends on."""
 
-    description: dict[str, Any]
+    description: Description
     sources: str
 
 
@@ -48,7 +48,7 @@ class Record:
     sources: str
     report: Callable[[str], None] = lambda text: None
 
-    def variant(self, description: dict[str, Any]) -> Variant:
+    def variant(self, description: Description) -> Variant:
         return Variant(description, self.sources)
 
 

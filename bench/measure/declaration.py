@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Generic, TypeVar
 
 from rich.console import Console
 from rich.table import Column
@@ -26,6 +26,8 @@ from softlab.model.core.simulation import PRECISIONS
 
 Value = str | int | float
 Choices = Mapping[str, Any]  # argument of an experiment -> its values
+CaseType = TypeVar("CaseType")
+RowType = TypeVar("RowType")
 
 
 @dataclass(frozen=True)
@@ -45,7 +47,7 @@ class Option:
     quick: Sequence[Value] | None = None
     rows: bool = False
 
-    def chosen(self, wanted: Any, quick: bool) -> Any:
+    def chosen(self, wanted: Any, quick: bool) -> bool | list[Value]:
         """Return the wanted values, each once, or the usual ones. Raises SceneError for a value that is not allowed."""
         if self.type is bool:
             return bool(self.usual if wanted is None else wanted)
@@ -121,8 +123,9 @@ class Sentence:
         return (self.text.format(self.join(parts)), numbers) if parts else (self.missing, {})
 
 
-class Experiment:
-    """Base of all experiments; an instance measures when it is called. The docstring of a class is the help of its command.
+class Experiment(Generic[CaseType, RowType]):
+    """Base of all experiments, of cases and rows of results; an instance measures when it is called. The docstring of a class
+    is the help of its command.
 
     `name`: of its summary and of its versions (bench/keys/versions.py); `command`: the sub-command that measures it, in turn
     with the others of that command; `switch`: the option that asks for it instead of the others; `example`, `quick_help`:
@@ -173,26 +176,26 @@ class Experiment:
         summary.stop()
         return summary
 
-    def plan(self, store: Store, backends: Sequence[str], quick: bool, options: Choices) -> Sequence[Sequence[Any]]:
+    def plan(self, store: Store, backends: Sequence[str], quick: bool, options: Choices) -> Sequence[Sequence[CaseType]]:
         """Return the groups of cases."""
         raise NotImplementedError
 
-    def is_stored(self, store: Store, machine: str, quick: bool, case: Any) -> bool:
+    def is_stored(self, store: Store, machine: str, quick: bool, case: CaseType) -> bool:
         """Return True if the store has all results of a case."""
         raise NotImplementedError
 
-    def measure(self, store: Store, summary: Any, quick: bool, group: Sequence[Any], report: Report) -> None:
+    def measure(self, store: Store, summary: Any, quick: bool, group: Sequence[CaseType], report: Report) -> None:
         """Measure the cases of a group, and store their results."""
         raise NotImplementedError
 
-    def before(self, store: Store, cases: Sequence[Any]) -> Iterable[Job]:
+    def before(self, store: Store, cases: Sequence[CaseType]) -> Iterable[Job]:
         """Return jobs beside compiling that are done before these cases are measured."""
         return ()
 
-    def finish(self, store: Store, summary: Any, cases: Sequence[Any], options: Choices, progress: bool) -> None:
+    def finish(self, store: Store, summary: Any, cases: Sequence[CaseType], options: Choices, progress: bool) -> None:
         """Complete the summary with what the store has of these cases."""
 
-    def rows(self, stored: Iterable[Measure], every: bool = False) -> Sequence[Any]:
+    def rows(self, stored: Iterable[Measure], every: bool = False) -> Sequence[RowType]:
         """Return the results among the measures; with `every`, those of incomplete states too."""
         raise NotImplementedError
 

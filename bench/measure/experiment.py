@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Any, Self, TypeVar
+from typing import Any, Self, TypedDict, TypeVar
 
 from softlab.bench.keys.enter import enter_keys, same_kernels
 from softlab.bench.measure.compile_ahead import Job, compilations, do_ahead
@@ -24,7 +24,7 @@ from softlab.bench.measure.progress import progress_bar
 from softlab.bench.measure.timing import MEASUREMENT
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import configuration
-from softlab.bench.store.schema import SAME, configuration_hash
+from softlab.bench.store.schema import SAME, Description, configuration_hash
 from softlab.bench.store.versions import code_version, digest_of
 from softlab.cpu_backend.core.threads import thread_count, threading_layer, wait_policy
 from softlab.model.base.errors import BackendUnavailable, SceneError
@@ -38,7 +38,15 @@ def source_hash(backend: str) -> str:
     return f"{digest_of(backend)}-{MEASUREMENT}"
 
 
-def host_of(backend: str, threads: str | int = "1x") -> dict[str, Any]:
+class Host(TypedDict, total=False):
+    """The entries of a configuration for its host; for a GPU none."""
+
+    threads: int
+    layer: str
+    wait_policy: str
+
+
+def host_of(backend: str, threads: str | int = "1x") -> Host:
     """Return the entries of a configuration for its host: `threads` as requested, and more; for a GPU none."""
     if backend != "cpu":
         return {}
@@ -130,7 +138,7 @@ def ending_cleanly(summary: Summary) -> Iterator[None]:
         summary.stop()
 
 
-def group_name(place: int, group: Sequence[Any]) -> str:
+def group_name(place: int, group: Sequence[object]) -> str:
     """Return the name of a group for all processes of an experiment: its place in the plan and a digest of its cases."""
     words = re.sub(r" at 0x\w+", "", " ".join(map(str, group)))  # where something lies in memory names nothing
     return f"{place}-{hashlib.sha256(words.encode()).hexdigest()[:8]}"
@@ -202,7 +210,7 @@ def _take_same(store: Store, summary: Summary, cases: Sequence[Any], command: st
     return True
 
 
-def _descriptions(case: Any) -> Sequence[Mapping[str, Any]]:
+def _descriptions(case: Any) -> Sequence[Description]:
     """Return the configurations of a case, or of a group that is measured as one."""
     return getattr(case, "descriptions", None) or [case.description]
 
@@ -213,7 +221,7 @@ def _descriptions(case: Any) -> Sequence[Mapping[str, Any]]:
 def store_measures(
     store: Store,
     run: str,
-    description: Mapping[str, Any],
+    description: Description,
     sources: str,
     numbers: Mapping[str, tuple[float | None, str, str | None]],
 ) -> None:

@@ -29,7 +29,7 @@ def gpu_simulated() -> bool:
 
 def gpu_facts() -> dict[str, Any]:
     """FACTS, for the record of a machine; None where not known, or there is none."""
-    facts: dict[str, Any] = dict.fromkeys(FACTS)
+    facts: dict[str, object] = dict.fromkeys(FACTS)
     available, name = gpu_or_reason()
     if not available:
         return facts
@@ -60,7 +60,7 @@ def nvml(number: int | None = None) -> tuple[Any, Any]:
             return pynvml, pynvml.nvmlDeviceGetHandleByIndex(0)
         from numba import cuda
 
-        device: Any = cuda.get_current_device() if number is None else cuda.gpus[number]
+        device = cuda.get_current_device() if number is None else cuda.gpus[number]
         return pynvml, pynvml.nvmlDeviceGetHandleByUUID(device.uuid)
     except Exception:  # the library is optional, and fails in as many ways as drivers do
         return None, None

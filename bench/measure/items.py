@@ -10,9 +10,10 @@ from typing import Any, ClassVar, Protocol
 
 from softlab.bench.measure import costs_timing
 from softlab.bench.measure.costs_timing import RATIO, Measures, Record
-from softlab.bench.measure.declaration import Choices, Experiment
+from softlab.bench.measure.declaration import Choices, Experiment, RowType
 from softlab.bench.measure.experiment import Report, Summary, source_hash, store_measures
 from softlab.bench.store.database import Store
+from softlab.bench.store.schema import Description
 from softlab.model.base.digest import source_digest
 
 COSTS_VERSION = 1  # part of the resume key of every cost: raise it when how they are sampled changes
@@ -27,7 +28,7 @@ class Item(Protocol):
     def run(self, store: Store, run: str, report: Callable[[str], None]) -> None: ...
 
 
-class Items(Experiment):
+class Items(Experiment[Item, RowType]):
     """An experiment of single items, measured one after another; `doing`: text of the bar before each."""
 
     doing: ClassVar[str] = ""
@@ -56,7 +57,7 @@ class Finding:
     """One configuration of one finding. `name`: the measure by which the store knows that it is done."""
 
     name: str
-    description: dict[str, Any]
+    description: Description
     sources: str
     measure: Callable[[], Measures]
     worth: int = 1
@@ -78,7 +79,7 @@ class Group:
     `measure`: samples into a record and returns the measures of each variant."""
 
     name: str
-    descriptions: tuple[dict[str, Any], ...]
+    descriptions: tuple[Description, ...]
     sources: str
     measure: Callable[[Record], list[Measures]]
     worth: int = 1

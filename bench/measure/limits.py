@@ -30,7 +30,7 @@ def enter_limits(store: Store, machine: str) -> None:
     """Measure the limits that the machine's record lacks, and enter them: a few seconds, once per machine."""
     (text,) = store.query("SELECT record FROM machine WHERE key = ?", (machine,))[0]
     record: dict[str, Any] = json.loads(text)
-    measured: dict[str, Any] = {}
+    measured: dict[str, object] = {}
     if record.get("arithmetic") is None:
         measured["arithmetic"] = cpu_arithmetic()
     if record.get("gpu") and record.get("gpu_arithmetic") is None:

@@ -11,7 +11,7 @@ import platform
 import re
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import cache
 from importlib import metadata
@@ -36,11 +36,11 @@ IDENTITY = (  # what tells two machines apart: hardware, and the versions that c
 MIN_COPY_BYTES = 1 << 28  # of one array
 
 
-def machine_record() -> dict[str, Any]:
+def machine_record() -> dict[str, object]:
     """The facts, nothing measured: cpu, cores, caches [B], memory, versions, gpu ... None: not known, or none."""
     from softlab.cpu_backend.core.processor import processor_name
 
-    record: dict[str, Any] = {
+    record: dict[str, object] = {
         "cpu": processor_name(),
         "cores": core_count(),
         "caches": _caches(),
@@ -62,13 +62,13 @@ def machine_record() -> dict[str, Any]:
     return record | gpu_facts()
 
 
-def machine_key(record: dict[str, Any]) -> str:
+def machine_key(record: Mapping[str, object]) -> str:
     """12 hexadecimal digits of what identifies the machine: the same in every process, without its name."""
     identity = {name: record.get(name) for name in IDENTITY}
     return hashlib.sha256(canonical(identity).encode()).hexdigest()[:12]
 
 
-def machine_label(record: dict[str, Any]) -> str:
+def machine_label(record: Mapping[str, Any]) -> str:
     """The machine in a caption: `AMD EPYC 7B12, 2 cores; no GPU`."""
     cpu = re.sub(r"\((R|TM|r|tm)\)| CPU| Processor|@.*$|\d+-Core", "", record["cpu"])
     cores = f"{record['cores']} core" + ("s" if record["cores"] != 1 else "")
@@ -92,7 +92,7 @@ def enter_machine(store: Store) -> str:
     return key
 
 
-def measured_limits() -> dict[str, Any]:
+def measured_limits() -> dict[str, object]:
     """Measure copy_bandwidth and gpu_copy_bandwidth [B/s], region_seconds {threads: s}, gpu_launch_seconds;
     limits_suspect: the reason not to trust them.
 
@@ -102,7 +102,7 @@ def measured_limits() -> dict[str, Any]:
     bandwidth = None
     with suppress(MemoryError):  # of a machine that has none left, a limit is not known, and all else is
         bandwidth = copy_bandwidth(size)
-    limits: dict[str, Any] = {
+    limits: dict[str, object] = {
         "copy_bandwidth": bandwidth,
         "copy_bytes": 2 * size,
         "region_seconds": region_costs(),
@@ -125,7 +125,7 @@ def _best(run: Callable[[], None], budget: float) -> float:
 
 
 @cache
-def _copy_kernel() -> Any:
+def _copy_kernel() -> Callable[..., None]:
     from numba import prange
 
     from softlab.cpu_backend.core.compile import Compiler
@@ -142,7 +142,7 @@ def _copy_kernel() -> Any:
 
 
 @cache
-def _region_kernel() -> Any:
+def _region_kernel() -> Callable[..., None]:
     from numba import prange
 
     from softlab.cpu_backend.core.compile import Compiler
@@ -223,8 +223,8 @@ def _memory_gib() -> int:
 # ---------------------------------------------------------------------- the GPU
 
 
-def _gpu_limits() -> dict[str, Any]:
-    limits: dict[str, Any] = {"gpu_copy_bandwidth": None, "gpu_launch_seconds": None}
+def _gpu_limits() -> dict[str, object]:
+    limits: dict[str, object] = {"gpu_copy_bandwidth": None, "gpu_launch_seconds": None}
     if not gpu_or_reason()[0] or gpu_simulated():
         return limits
     from numba import cuda

@@ -10,7 +10,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from typing import Any
 
-from rich.progress import BarColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.console import RenderableType
+from rich.progress import BarColumn, Task, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from softlab.app.output.bar import Bar
 from softlab.model.base.disk_cache import user_cache
@@ -73,7 +74,7 @@ class Bars(Bar):
         self.watching.close()
 
     @property
-    def inner(self) -> list[Any]:
+    def inner(self) -> list[Task]:
         """The part's own tasks."""
         return [task for task in self.tasks if task.id != self.whole_task]
 
@@ -83,7 +84,7 @@ class Bars(Bar):
         for task in self.inner[-1:]:
             self.update(task.id, description=f"compiling {label}{last}")
 
-    def get_renderables(self) -> Iterable[Any]:
+    def get_renderables(self) -> Iterable[RenderableType]:
         if self.whole and self.whole_task is not None:
             fraction = self.inner[-1].percentage / 100 if self.inner else 0.0
             self.tasks[0].completed = self.whole.done(min(fraction, 1.0))
@@ -112,7 +113,7 @@ def store_seconds(command: str, seconds: Mapping[str, float]) -> None:
     folder = user_cache("times")
     if folder is None:
         return
-    stored: dict[str, Any] = {}
+    stored: object = {}
     with suppress(OSError, ValueError):
         stored = json.loads((folder / SECONDS).read_text(encoding="utf-8"))
     stored = stored if isinstance(stored, dict) else {}

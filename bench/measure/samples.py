@@ -9,6 +9,7 @@ from typing import Any, Protocol
 from softlab.bench.measure.gpu import gpu_simulated
 from softlab.bench.measure.timing import Neighbours, Sample, Subject, interleaved
 from softlab.bench.store.database import Store
+from softlab.bench.store.schema import Description
 
 SIMULATED = "CUDA simulator, no GPU"  # a mark of a sample
 
@@ -17,7 +18,7 @@ class Case(Protocol):
     """One configuration: its description and the hash of what it depends on, by which the store knows it."""
 
     @property
-    def description(self) -> dict[str, Any]: ...
+    def description(self) -> Description: ...
     @property
     def sources(self) -> str: ...
 

@@ -44,7 +44,7 @@ WATCH_SECONDS = 0.25  # over which the neighbours are watched: the kernel counts
 class Renderer(Protocol):
     """Interface of app/output/offscreen.py's OffscreenRenderer."""
 
-    def show(self, simulation: Simulation) -> Any:
+    def show(self, simulation: Simulation) -> object:
         """Draw the state that a simulation holds; return when the picture is done."""
 
 
@@ -184,7 +184,7 @@ class Subject:
         return Sample(seconds, self.steps, "; ".join(reasons) or None)
 
 
-def incomplete(simulation: Any) -> list[str]:
+def incomplete(simulation: object) -> list[str]:
     """Return the mark of a sample of the lab that ended with lost contacts or inverted or caught elements."""
     if not isinstance(simulation, Simulation) or not can_fall_short(simulation.scene):
         return []

@@ -11,7 +11,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from typer import Exit
+from typer import Context, Exit
 from typer.core import TyperCommand
 
 from softlab.app.command.command_line import errors
@@ -27,7 +27,7 @@ INTERRUPTED = 130  # exit status
 DIRTY = "allow_dirty"  # a parameter of softlab itself
 
 
-def refuse_changes(context: Any) -> None:
+def refuse_changes(context: Context) -> None:
     """Raise InputError if the lab's files differ from their commit, unless `softlab --allow-dirty` was given."""
     refuse_changed_files(bool(context.find_root().params.get(DIRTY)))
 
@@ -36,7 +36,7 @@ class Timed(TyperCommand):
     """A command with an option `store` that first prints its duration last time. Runs that were stopped or measured nothing
     are not stored. Without `softlab --allow-dirty` it measures no code that differs from its commit."""
 
-    def invoke(self, ctx: Any) -> Any:
+    def invoke(self, ctx: Any) -> object:
         refuse_changes(ctx)
         usual = {parameter.name: parameter.default for parameter in self.params}
         options = {name: str(value) for name, value in ctx.params.items() if value != usual[name] and name != "store"}

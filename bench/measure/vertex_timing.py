@@ -8,14 +8,15 @@ OpenGL has it where it draws from), once also drawn, as in a frame. Times in the
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from softlab.app.driver import open_simulation
 from softlab.app.output.offscreen import OffscreenRenderer, opengl_available
 from softlab.app.render import cuda_vertices, sheet_view, vertices
+from softlab.app.render.camera import Camera
 from softlab.app.render.sheet_view import SheetView
+from softlab.app.render.view import View
 from softlab.bench.measure.costs_timing import RATIO, Effort, Measures, Record, in_turn
 from softlab.bench.measure.experiment import described
 from softlab.bench.measure.gpu import gpu_simulated
@@ -79,8 +80,8 @@ def _group(n: int, precision: str, drawn: bool, sources: str, effort: Effort) ->
 class Frames(Subject):
     """Frames of one state; a step here is a frame. `name`: its description."""
 
-    view: Any = None
-    camera: Any = None
+    view: View = field(kw_only=True)
+    camera: Camera = field(kw_only=True)
 
     def restore(self) -> None:
         """Give the buffers to CUDA, or to OpenGL alone, as this path needs; nothing else changes."""

@@ -7,7 +7,6 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -46,7 +45,7 @@ class PeerCase(Case):
         return " ".join(word for word in words if word != "grid")
 
     @property
-    def simulation_kind(self) -> tuple[Any, ...]:
+    def simulation_kind(self) -> tuple[object, ...]:
         return (self.what, self.backend, self.threads, self.precision, self.peer.name if self.peer else OURS)
 
     @property

@@ -63,10 +63,11 @@ class Tile:
         """Return the blocks (across, down) over a grid; the last tile is larger than its halo, so no halo spans two
         neighbours.
         """
-        return tuple(
-            1 if masses <= size else -((2 * self.halo - masses) // (size - 2 * self.halo))
-            for masses, size in ((columns, self.width), (rows, self.height))
-        )  # type: ignore[return-value]
+
+        def along(masses: int, size: int) -> int:
+            return 1 if masses <= size else -((2 * self.halo - masses) // (size - 2 * self.halo))
+
+        return along(columns, self.width), along(rows, self.height)
 
 
 ONE_BLOCK_TILES = (Tile(1, 1, 32, 1), Tile(1, 4, 8, 1), Tile(2, 3, 22, 1), Tile(2, 4, 16, 1))

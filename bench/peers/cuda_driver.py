@@ -9,6 +9,7 @@ import shutil
 import subprocess
 import tempfile
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from softlab.bench.peers.base import PeerError
@@ -17,7 +18,7 @@ OPTIONS = ("--use_fast_math", "--std=c++17")
 REMEDY = "pip install -e '.[cuda13]' (or cuda12)"
 
 
-def driver() -> Any:
+def driver() -> ModuleType:
     """Return cuda.bindings.driver. Raises what a missing package or library raises."""
     from cuda.bindings import driver
 

@@ -11,6 +11,7 @@ this step size.
 
 from __future__ import annotations
 
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -73,7 +74,7 @@ class _Towers(Replayed):
         self._capture()
         self.load(body.position, body.velocity)
 
-    def _build(self, newton: Any, scene: Scene) -> Any:
+    def _build(self, newton: ModuleType, scene: Scene) -> Any:
         down = scene.gravity.acceleration if scene.gravity and scene.gravity.enabled else 0.0
         builder = newton.ModelBuilder(up_axis=newton.Axis.Y, gravity=(0.0, -down, 0.0))
         (plane,) = scene.colliders

@@ -16,6 +16,7 @@ users do. VBD gets its colours: its own colouring (ModelBuilder.color) supports 
 
 import math
 from functools import cache
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -33,7 +34,7 @@ REMEDY = "pip install 'soft-body-lab[peers]'"
 
 
 @cache
-def load_newton() -> Any:
+def load_newton() -> ModuleType:
     """Return the package. Raises PeerError if it is not installed."""
     load_warp()
     try:
@@ -145,7 +146,7 @@ class _Sheet(Replayed):
         self._capture()
         self.load(self.constants.position, self.constants.velocity)
 
-    def _build(self, newton: Any, scene: Scene, mass: float, gravity: float) -> Any:
+    def _build(self, newton: ModuleType, scene: Scene, mass: float, gravity: float) -> Any:
         constants, springs, body = self.constants, of_scene(scene), build(scene)
         builder = newton.ModelBuilder(up_axis=newton.Axis.Y, gravity=(0.0, gravity, 0.0))
         builder.add_particles(

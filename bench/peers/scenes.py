@@ -10,12 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from softlab.bench.experiments.checks import CHECK_STEPS
 from softlab.bench.experiments.sweep import Shape, shapes
 from softlab.bench.peers.bars.tip import ACROSS, BARS, NEAR, Tip, bar_of, exact_tip
 from softlab.model.base.errors import SceneError
+from softlab.model.base.table import Table, Tables
 from softlab.model.scene.scene import Scene, load_scene
 
 GRID_SQUARES = tuple(32 << k for k in range(9))  # 32 ... 8192
@@ -30,7 +30,7 @@ BAR_SQUARES = (2, 4, 8, 16)
 VOXEL, SLENDER = 0.1, 5  # m; ratio of length to width
 LAYERS = 10  # beams per tower
 REST = 120  # steps of 1/60 s after which a tower is at rest
-TOWERS = {
+TOWERS: Table = {
     "title": "Towers of rigid beams",
     "beams": {
         "kind": "rigid_body", "shape": {"name": "beam"}, "particle_spacing": 0.125, "volume_sampling": 1.0,
@@ -68,7 +68,7 @@ class PeerScene:
         return [self.make(*shape) for shape in shapes(quick, chosen)]
 
 
-def _sheet(catalogue: str, changes: Mapping[str, Any] | None = None) -> Callable[[int, int], Scene]:
+def _sheet(catalogue: str, changes: Mapping[str, object] | None = None) -> Callable[[int, int], Scene]:
     def make(rows: int, columns: int) -> Scene:
         base = load_scene(catalogue)
         table = "grid" if base.cloth is None else "cloth"
@@ -84,7 +84,7 @@ def _implicit(steps: int) -> PeerScene:
 
 
 def _towers(rows: int, columns: int) -> Scene:
-    beams = TOWERS["beams"] | {"copies": [columns, LAYERS, rows]}  # type: ignore[operator]
+    beams = TOWERS["beams"] | {"copies": [columns, LAYERS, rows]}
     return Scene(TOWERS | {"beams": beams})
 
 
@@ -137,7 +137,7 @@ def peer_scenes(words: Iterable[str] | None, quick: bool) -> list[PeerScene]:
     return [SCENES[word] for word in dict.fromkeys(chosen)]
 
 
-def word_of(scene: Mapping[str, Any]) -> str:
+def word_of(scene: Tables) -> str:
     """Return the word of a scene as the store describes it."""
     method = scene["method"]
     if method["solver"] == "shape-matching":
@@ -153,7 +153,7 @@ def word_of(scene: Mapping[str, Any]) -> str:
     return "grid" if "grid" in _by_kind(scene) else "cloth"
 
 
-def shape_of(scene: Mapping[str, Any]) -> tuple[int, int]:
+def shape_of(scene: Tables) -> tuple[int, int]:
     """Return (rows, columns) of masses of a sheet as the store describes it; of bodies (towers, beams); of a bar
     voxels.
     """
@@ -170,5 +170,5 @@ def shape_of(scene: Mapping[str, Any]) -> tuple[int, int]:
     return across * deep, high
 
 
-def _by_kind(scene: Mapping[str, Any]) -> dict[str, Any]:
+def _by_kind(scene: Tables) -> dict[str, Tables]:
     return {part.get("kind", name): part for name, part in scene.items() if isinstance(part, Mapping)}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from functools import cache
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ REMEDY = "pip install 'soft-body-lab[peers]'"
 
 
 @cache
-def load_warp() -> Any:
+def load_warp() -> ModuleType:
     """Return the package, quiet and initialised. Raises PeerError if it is not installed."""
     try:
         import warp

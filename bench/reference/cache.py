@@ -59,8 +59,11 @@ def cached_reference(
     `per_radian`: initial number of steps, which the tolerance refines. Raises what `converged` raises.
     """
     file = folder / f"reference-{key(scene, time, inertia, tolerance)}.npz" if folder else None
-    how: dict[str, Any] = {"inertia": inertia, "tolerance": tolerance, "per_radian": per_radian}
-    return cached_state(file, scene, lambda: Converged(*converged(scene, time, **how)))
+    return cached_state(
+        file,
+        scene,
+        lambda: Converged(*converged(scene, time, inertia=inertia, tolerance=tolerance, per_radian=per_radian)),
+    )
 
 
 def cached_state(file: Path | None, scene: Scene, make: Callable[[], Converged]) -> Converged:

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from functools import partial
 from math import floor, sqrt
-from typing import Any
 
 import numpy as np
 
@@ -23,6 +22,7 @@ from softlab.bench.reference.philox import random_directions
 from softlab.bench.reference.steps import Poke, masses, named_mask, pinned_mask
 from softlab.model.base.errors import SceneError
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.cloth import Box, Capsule, Collider, Plane, Sphere
 from softlab.model.tables.colliders.distance_field import DistanceField
 from softlab.model.tables.colliders.mesh_collider import MeshCollider
 
@@ -186,17 +186,18 @@ def forces(
     return force
 
 
-def distances(kind: str, collider: Any, position: np.ndarray, time: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+def distances(collider: Collider, position: np.ndarray, time: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     """Return (signed distance (..., 1) [m], unit normal (..., 3)) of `position` (..., 3) at `time` [s].
 
     The distance is negative inside. At the centre of a ball (and on a capsule's segment) the normal points up."""
     moved = np.asarray(position, dtype=np.float64) - np.array(collider.velocity) * time
-    if kind == "plane":
+    if isinstance(collider, Plane):
         normal = np.array(collider.normal) / sqrt(sum(n * n for n in collider.normal))
         return _dot(moved - collider.point, normal), np.broadcast_to(normal, moved.shape)
-    if kind == "box":
+    if isinstance(collider, Box):
         return _box_distances(moved - collider.center, np.array(collider.half_size))
-    if kind == "sphere":
+    assert isinstance(collider, Sphere | Capsule)
+    if isinstance(collider, Sphere):
         away = moved - collider.center
     else:
         axis = np.subtract(collider.end, collider.start)
@@ -236,12 +237,18 @@ def _entries(a: np.ndarray, b: np.ndarray, radius: float) -> tuple[np.ndarray, n
     return caught, a + np.where(caught, t, 0.0) * path
 
 
-def touched(collider: Any, slow: float, velocity: np.ndarray, normal: np.ndarray, surface: Any = None) -> np.ndarray:
+def touched(
+    collider: Collider,
+    slow: float,
+    velocity: np.ndarray,
+    normal: np.ndarray,
+    surface: np.ndarray | None = None,
+) -> np.ndarray:
     """Return velocities (..., 3) after contact: none into the collider, and Coulomb friction relative to it.
 
     `surface` [m/s]: velocity of the collider's surface, if it differs from the collider's. Masses that arrive faster
     than `slow` [m/s] bounce by the restitution."""
-    surface = collider.velocity if surface is None else surface
+    surface = np.array(collider.velocity) if surface is None else surface
     relative = velocity - surface
     into = np.maximum(-_dot(relative, normal), 0)
     along = np.where(into > 0, relative + into * normal, relative)
@@ -270,7 +277,7 @@ def collide(
     free = ~pinned_mask(scene)[..., None]
     gravity = scene.gravity.acceleration if scene.gravity and scene.gravity.enabled else 0.0
     slow = 2 * gravity * dt
-    for kind, collider in scene.colliders:
+    for _, collider in scene.colliders:
         if isinstance(collider, MeshCollider | DistanceField):
             old, new, speed = (array.reshape(-1, 3) for array in (before, position, velocity))
             times = step * dt, (step + 1) * dt, partial(touched, collider, slow)
@@ -281,13 +288,12 @@ def collide(
             position = np.where(free, settled.reshape(position.shape), position)
             velocity = np.where(free, answered.reshape(position.shape), velocity)
             continue
-        distance, normal = distances(kind, collider, position, (step + 1) * dt)
+        distance, normal = distances(collider, position, (step + 1) * dt)
         settled = position + np.maximum(collider.thickness - distance, 0) * normal
         touching, swept = distance < collider.thickness, np.zeros(distance.shape, bool)
-        if kind == "sphere":
-            ball: Any = collider
-            contact_distance = ball.radius + ball.thickness
-            old, new = (np.array(ball.center) + np.array(ball.velocity) * (step + k) * dt for k in (0, 1))
+        if isinstance(collider, Sphere):
+            contact_distance = collider.radius + collider.thickness
+            old, new = (np.array(collider.center) + np.array(collider.velocity) * (step + k) * dt for k in (0, 1))
             caught, entered = _entries(before - old, position - new, contact_distance)
             settled = np.where(caught, new + entered, settled)
             normal = np.where(caught, _unit(entered)[1], normal)

@@ -89,12 +89,8 @@ def rounding(body: Body) -> float:
 
 
 def nonlinear_static(
-    position: np.ndarray,
-    tetrahedra: np.ndarray,
-    young: Values,
-    poisson: Values,
+    body: Body,
     fixed: np.ndarray,
-    material: str,
     force: np.ndarray | None = None,
     gravity: tuple[float, float, float] = (0.0, 0.0, 0.0),
     density: Values = 0.0,
@@ -108,7 +104,6 @@ def nonlinear_static(
     From `start` (default: rest), with `fixed` vertices fixed. Residual forces are at most `enough` of the load, or the
     rounding of float64. `watch`: as `minimise` calls it.
     """
-    body = Body.of(position, tetrahedra, material, young, poisson)
     load = np.zeros_like(body.rest) if force is None else np.array(force, dtype=np.float64)
     load = load + lumped_mass(body.rest, body.tetrahedra, density)[:, None] * np.asarray(gravity)
     x = np.array(body.rest if start is None else start, dtype=np.float64)

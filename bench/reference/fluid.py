@@ -85,8 +85,8 @@ class _World:
 
     def walls(self, p: np.ndarray, time: float) -> tuple[np.ndarray, np.ndarray]:
         total, gradient = np.zeros(len(p)), np.zeros_like(p)
-        for kind, collider in self.scene.colliders:
-            distance, normal = fluid_world.distances(kind, collider, p, time)
+        for _, collider in self.scene.colliders:
+            distance, normal = fluid_world.distances(collider, p, time)
             contribution, slope = self.kernels.wall_at(distance - collider.thickness)
             of_total, of_contribution = fluid_world.rate(total, contribution), fluid_world.rate(contribution, total)
             gradient = gradient * of_total[:, None] + (slope * of_contribution)[:, None] * normal

@@ -37,8 +37,8 @@ def without_rebound(
 ) -> np.ndarray:
     """Return velocities v, u before the corrections, without what walls pushed particles away by from `at`."""
     end, total = (number + 1) * world.h, np.zeros(len(at))
-    for kind, collider in world.scene.colliders:
-        distance, normal = fluid_world.distances(kind, collider, at, end)
+    for _, collider in world.scene.colliders:
+        distance, normal = fluid_world.distances(collider, at, end)
         contribution, slope = world.kernels.wall_at(distance - collider.thickness)
         push = world.weight * multiplier * slope * fluid_world.rate(contribution, total) / world.h
         wall = np.array(collider.velocity, float)

@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from functools import partial
 from math import ceil
-from typing import Any
 
 import numpy as np
 
@@ -19,6 +18,7 @@ from softlab.bench.reference import cloth
 from softlab.bench.reference.contact import distance_field, mesh_collider
 from softlab.model.geometry.particle_row import PARKED
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.cloth import Box, Capsule, Collider, Sphere
 from softlab.model.tables.colliders.distance_field import DistanceField
 from softlab.model.tables.colliders.mesh_collider import MeshCollider
 
@@ -26,10 +26,10 @@ TOUCHING = 1e-3  # of half an edge, or of the squared radius: a mass this near i
 FLAT = 1 / 1024  # a smaller slope of a field has no direction
 
 
-def distances(kind: str, collider: Any, p: np.ndarray, time: float) -> tuple[np.ndarray, np.ndarray]:
+def distances(collider: Collider, p: np.ndarray, time: float) -> tuple[np.ndarray, np.ndarray]:
     """Return (distance (n,) [m], normal (n, 3)) of positions (n, 3) from a collider at `time` [s]; inf where unknown."""
     if not isinstance(collider, MeshCollider | DistanceField):
-        distance, normal = cloth.distances(kind, collider, p, time)
+        distance, normal = cloth.distances(collider, p, time)
         return distance.reshape(-1), normal
     turn = collider.turn_at(time)
     places = (p - collider.origin - np.array(collider.velocity) * time) @ turn
@@ -72,39 +72,39 @@ def collide(
     dt = scene.method.dt
     gravity = scene.gravity.acceleration if scene.gravity and scene.gravity.enabled else 0.0
     slow, times = 2 * gravity * dt, (number * dt, (number + 1) * dt)
-    for kind, collider in scene.colliders:
-        surface: Any = collider
-        if isinstance(surface, MeshCollider | DistanceField):
-            module: Any = mesh_collider if isinstance(surface, MeshCollider) else distance_field
-            position, velocity = module.collide(
-                surface, before, position, velocity, *times, partial(cloth.touched, surface, slow)
-            )
+    for _, collider in scene.colliders:
+        touched = partial(cloth.touched, collider, slow)
+        if isinstance(collider, MeshCollider):
+            position, velocity = mesh_collider.collide(collider, before, position, velocity, *times, touched)
             continue
-        distance, normal = cloth.distances(kind, surface, position, times[1])
-        settled = position + np.maximum(surface.thickness - distance, 0) * normal
-        touching = distance < surface.thickness
-        if kind != "plane":
-            caught, stopped, new_normal = _caught(kind, surface, before, position, *times)
+        if isinstance(collider, DistanceField):
+            position, velocity = distance_field.collide(collider, before, position, velocity, *times, touched)
+            continue
+        distance, normal = cloth.distances(collider, position, times[1])
+        settled = position + np.maximum(collider.thickness - distance, 0) * normal
+        touching = distance < collider.thickness
+        if isinstance(collider, Sphere | Capsule | Box):
+            caught, stopped, new_normal = _caught(collider, before, position, *times)
             settled, normal = np.where(caught, stopped, settled), np.where(caught, new_normal, normal)
             touching = touching | caught
         position = np.where(touching, settled, position)
-        velocity = np.where(touching, cloth.touched(surface, slow, velocity, normal), velocity)
+        velocity = np.where(touching, touched(velocity, normal), velocity)
     return position, velocity
 
 
 def _caught(
-    kind: str, collider: Any, before: np.ndarray, position: np.ndarray, begin: float, end: float
+    collider: Sphere | Capsule | Box, before: np.ndarray, position: np.ndarray, begin: float, end: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return (mask (n, 1) of stopped masses, stopping points (n, 3), normals (n, 3)) at a ball, a capsule or a box.
 
     The masses move from `before` (n, 3) at `begin` [s] to `position` at `end`.
     """
     drift = np.array(collider.velocity)
-    start = np.array(collider.start if kind == "capsule" else collider.center)
+    start = np.array(collider.start if isinstance(collider, Capsule) else collider.center)
     caught, stopped, normal = np.zeros((len(position), 1), bool), position.copy(), np.zeros_like(position)
     for k in range(len(position)):
         a, b = before[k] - start - drift * begin, position[k] - start - drift * end
-        if kind == "box":
+        if isinstance(collider, Box):
             half = np.array(collider.half_size)
             entered = _by_face(a, b, half)
             if entered is not None:
@@ -112,7 +112,7 @@ def _caught(
                 caught[k], normal[k, axis] = True, side
                 stopped[k, axis] = (start + drift * end)[axis] + side * (half[axis] + collider.thickness)
             continue
-        line = np.array(collider.end) - start if kind == "capsule" else np.zeros(3)
+        line = np.array(collider.end) - start if isinstance(collider, Capsule) else np.zeros(3)
         part = _into_capsule(a, b, line, collider.radius + collider.thickness)
         if part < 1:
             place, square = a + part * (b - a), line @ line

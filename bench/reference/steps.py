@@ -7,6 +7,7 @@ from collections.abc import Callable, Generator
 import numpy as np
 
 from softlab.model.base.errors import SceneError
+from softlab.model.base.pins import MeshPins
 from softlab.model.scene.scene import Scene
 
 Poke = tuple[int, tuple[float, ...]]
@@ -37,11 +38,11 @@ def pinned_mask(scene: Scene) -> np.ndarray:
     return named_mask(scene.grid.pinned, scene.grid.rows, scene.grid.columns)
 
 
-def named_mask(pins: str | list[tuple[int, int]], rows: int, columns: int) -> np.ndarray:
+def named_mask(pins: MeshPins, rows: int, columns: int) -> np.ndarray:
     """Return the mask (rows, columns) of the masses of a sheet that `pins` names."""
     mask = np.zeros((rows, columns), dtype=bool)
     if isinstance(pins, list):
-        for row, column in pins:
+        for row, column in np.reshape(pins, (-1, 2)):
             mask[row, column] = True
     elif pins == "top-corners":
         mask[0, 0] = mask[0, -1] = True

@@ -203,28 +203,34 @@ def square(a: np.ndarray) -> np.ndarray:
     return np.swapaxes(a, -2, -1) @ a
 
 
+@dataclass(frozen=True)
+class Method:
+    """Parameters of a step of tetrahedra.
+
+    `order`: sets of tetrahedra without a common vertex, one after the other, `iterations` times a substep; `damping_time`
+    [s]: tau; `drag` [1/s]: of the velocity, in proportion to mass; `scheme`: a key of SCHEMES, or "blocks".
+    """
+
+    order: Sequence[np.ndarray]
+    iterations: int = 1
+    gravity: tuple[float, float, float] = (0.0, 0.0, 0.0)  # m/s^2
+    damping_time: float = 0.0
+    drag: float = 0.0
+    scheme: str = "rows"
+
+
 def substep(
-    body: Body,
-    position: np.ndarray,
-    velocity: np.ndarray,
-    inverse_mass: np.ndarray,
-    order: Sequence[np.ndarray],
-    h: float,
-    iterations: int = 1,
-    gravity: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    damping_time: float = 0.0,
-    drag: float = 0.0,
-    scheme: str = "rows",
+    body: Body, position: np.ndarray, velocity: np.ndarray, inverse_mass: np.ndarray, h: float, method: Method
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return (position, velocity) after h [s]; the arguments as in `simulate`."""
     free = (inverse_mass > 0)[:, None]
-    v = np.where(free, velocity * (1 - h * drag) + h * np.asarray(gravity), 0.0)
+    v = np.where(free, velocity * (1 - h * method.drag) + h * np.asarray(method.gravity), 0.0)
     p = position + h * v
     shape = np.zeros((*p.shape[:-2], len(body.tetrahedra), 3, 3))
-    sweep = Sweep(body, inverse_mass, position, h, damping_time / h, shape, shape[..., 0, 0].copy())
-    for _ in range(iterations):
-        for members in order:
-            sweep.project(members, p, scheme)
+    sweep = Sweep(body, inverse_mass, position, h, method.damping_time / h, shape, shape[..., 0, 0].copy())
+    for _ in range(method.iterations):
+        for members in method.order:
+            sweep.project(members, p, method.scheme)
     return p, (p - position) / h
 
 
@@ -233,40 +239,22 @@ def simulate(
     position: np.ndarray,
     velocity: np.ndarray,
     inverse_mass: np.ndarray,
-    order: Sequence[np.ndarray],
     dt: float,
     substeps: int,
-    iterations: int,
     steps: int,
-    gravity: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    damping_time: float = 0.0,
-    drag: float = 0.0,
-    scheme: str = "rows",
+    method: Method,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return (position [m], velocity [m/s]), (..., n, 3), after `steps` steps of `dt` [s].
 
-    `inverse_mass` (n,) [1/kg], 0 for fixed vertices; `order`: sets of tetrahedra without a common vertex, one after the
-    other; `damping_time` [s]: tau; `drag` [1/s]: of the velocity, in proportion to mass; `scheme`: a key of SCHEMES, or
-    "blocks"."""
+    `inverse_mass` (n,) [1/kg], 0 for fixed vertices."""
     p, v = np.array(position, dtype=np.float64), np.array(velocity, dtype=np.float64)
     for _ in range(steps * substeps):
-        p, v = substep(
-            body, p, v, inverse_mass, order, dt / substeps, iterations, gravity, damping_time, drag, scheme
-        )  # fmt: skip
+        p, v = substep(body, p, v, inverse_mass, dt / substeps, method)
     return p, v
 
 
 def at_rest(
-    body: Body,
-    start: np.ndarray,
-    inverse_mass: np.ndarray,
-    order: Sequence[np.ndarray],
-    h: float,
-    iterations: int = 1,
-    gravity: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    damping_time: float = 0.0,
-    scheme: str = "rows",
-    enough: float = 1e-8,
+    body: Body, start: np.ndarray, inverse_mass: np.ndarray, h: float, method: Method, enough: float = 1e-8
 ) -> np.ndarray:
     """Return the positions (n, 3) [m] at which `simulate` is at rest: a substep of h [s] does not move them.
 
@@ -275,12 +263,10 @@ def at_rest(
     because iterations that have not converged leave an error."""
     free = np.flatnonzero(np.repeat(inverse_mass > 0, 3))
     extent = float(np.ptp(body.rest, axis=0).max())
-    near = max(enough * h**2 * float(np.linalg.norm(gravity)), 2e-13 * extent)
+    near = max(enough * h**2 * float(np.linalg.norm(method.gravity)), 2e-13 * extent)
 
     def moved(x: np.ndarray) -> np.ndarray:
-        p, _ = substep(
-            body, x, np.zeros_like(x), inverse_mass, order, h, iterations, gravity, damping_time, 0.0, scheme
-        )
+        p, _ = substep(body, x, np.zeros_like(x), inverse_mass, h, method)
         return (p - x).reshape(*x.shape[:-2], -1)[..., free]
 
     x, last = np.array(start, dtype=np.float64), np.inf

@@ -16,7 +16,7 @@ import numpy as np
 
 from softlab.bench.reference.elastic_materials import cofactor
 from softlab.bench.reference.finite_elements import Body
-from softlab.bench.reference.tetrahedra import SHAPE, Sweep
+from softlab.bench.reference.tetrahedra import SHAPE, Method, Sweep
 
 
 def restore_volume(sweep: Sweep, members: np.ndarray, position: np.ndarray, multiplier: float) -> float:
@@ -40,28 +40,24 @@ def simulate(
     position: np.ndarray,
     velocity: np.ndarray,
     inverse_mass: np.ndarray,
-    order: Sequence[np.ndarray],
     voxels: Sequence[np.ndarray],
     h: float,
     substeps: int,
-    iterations: int,
-    gravity: tuple[float, float, float],
-    damping_time: float,
+    method: Method,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return (position [m], velocity [m/s]), (n, 3), after that many `substeps` of h [s].
 
-    `order`: sets of tetrahedra without a common vertex, one after the other; `voxels`: the tetrahedra of each, in the
-    order of their projection; other arguments as in bench/reference/tetrahedra.py.
+    `voxels`: the tetrahedra of each, in the order of their projection; other arguments as in bench/reference/tetrahedra.py.
     """
     p, v, free = position.copy(), velocity.copy(), (inverse_mass > 0)[:, None]
     for _ in range(substeps):
         begin = p.copy()
-        p = begin + h * np.where(free, v + h * np.asarray(gravity), 0.0)
+        p = begin + h * np.where(free, v + h * np.asarray(method.gravity), 0.0)
         shape = np.zeros((len(body.tetrahedra), 3, 3))
-        sweep = Sweep(body, inverse_mass, begin, h, damping_time / h, shape, shape[:, 0, 0].copy())
+        sweep = Sweep(body, inverse_mass, begin, h, method.damping_time / h, shape, shape[:, 0, 0].copy())
         multipliers = np.zeros(len(voxels))
-        for _ in range(iterations):
-            for members in order:
+        for _ in range(method.iterations):
+            for members in method.order:
                 if body.material == "neo-hookean":
                     sweep.descend(members, p)
                 else:

@@ -261,7 +261,6 @@ def simulate(
     steps: int,
     position: np.ndarray | None = None,
     velocity: np.ndarray | None = None,
-    first_step: int = 0,
     poke: Poke | None = None,
     *,
     substeps: int = 1,
@@ -292,7 +291,7 @@ def simulate(
 
         return settle
 
-    for number in range(first_step * substeps, (first_step + steps) * substeps):
+    for number in range(steps * substeps):
         a = accelerations(scene, p, v, number * h, number // substeps, poke, mass)
         state = substep(constraints, p, v, a, inverse_mass, h, iterations, ordering, drag, collided(number))
         p, v = state.position, state.velocity

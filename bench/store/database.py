@@ -19,7 +19,7 @@ from typing import Any
 
 from softlab.bench.store import schema
 from softlab.bench.store.machine_records import gained
-from softlab.bench.store.schema import SCHEMA, SCHEMA_VERSION, canonical, check_rows, configuration_hash
+from softlab.bench.store.schema import SCHEMA, SCHEMA_VERSION, Description, canonical, check_rows, configuration_hash
 from softlab.model.base.errors import InputError
 from softlab.model.base.files import check_source
 
@@ -175,7 +175,7 @@ class Store:
                     self.connection.execute("ROLLBACK")
                 raise
 
-    def query(self, sql: str, arguments: tuple[Any, ...] | Mapping[str, Any] = ()) -> list[tuple[Any, ...]]:
+    def query(self, sql: str, arguments: tuple[object, ...] | Mapping[str, object] = ()) -> list[tuple[Any, ...]]:
         """Return the rows of a SELECT."""
         with self._explained():
             return self.connection.execute(sql, arguments).fetchall()
@@ -192,7 +192,7 @@ class Store:
 
     # ------------------------------------------------------------------ writing
 
-    def add_machine(self, key: str, label: str, record: Mapping[str, Any]) -> None:
+    def add_machine(self, key: str, label: str, record: Mapping[str, object]) -> None:
         """Enter a machine; where it is known, its record only gains the fields that it lacks or holds as null, and limits
         that were measured undisturbed in place of disturbed ones."""
         with self.transaction() as connection:
@@ -213,7 +213,7 @@ class Store:
             connection.execute("INSERT INTO run VALUES (?, ?, ?, ?, ?)", (key, machine, commit, started, command))
         return key
 
-    def add_configuration(self, description: Mapping[str, Any]) -> str:
+    def add_configuration(self, description: Description) -> str:
         """Enter a configuration where it is new, and return its hash."""
         key = configuration_hash(description)
         with self.transaction() as connection:
@@ -223,7 +223,7 @@ class Store:
     def add_sample(
         self,
         run: str,
-        description: Mapping[str, Any],
+        description: Description,
         sources: str,
         seconds: float,
         steps: int,
@@ -255,7 +255,7 @@ class Store:
     def add_measure(
         self,
         run: str,
-        description: Mapping[str, Any],
+        description: Description,
         sources: str,
         name: str,
         value: float | None,
@@ -280,7 +280,7 @@ class Store:
 
     # ------------------------------------------------------------------ resuming
 
-    def sample_count(self, description: Mapping[str, Any], machine: str, sources: str, stage: str = "step") -> int:
+    def sample_count(self, description: Description, machine: str, sources: str, stage: str = "step") -> int:
         """Number of samples in the store of this configuration, on this machine, of these sources."""
         return self.query(
             "SELECT count(*) FROM sample JOIN run ON run.key = sample.run "
@@ -288,7 +288,7 @@ class Store:
             schema.measured_as(description, machine, sources) | {"stage": stage},
         )[0][0]
 
-    def has_measure(self, description: Mapping[str, Any], machine: str, sources: str, name: str) -> bool:
+    def has_measure(self, description: Description, machine: str, sources: str, name: str) -> bool:
         """Return True if the store has this measure of this configuration, on this machine, of these sources."""
         return bool(
             self.query(

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 LIMITS = ("copy_bandwidth", "copy_bytes", "region_seconds", "gpu_copy_bandwidth", "gpu_launch_seconds")
 DISTURBED = "limits_suspect"  # why not to trust them
 
 
-def gained(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:
+def gained(old: Mapping[str, object], new: Mapping[str, object]) -> dict[str, object]:
     """Return a machine's record with its missing fields, and with undisturbed limits in place of disturbed ones.
 
     The reason why limits are doubtful is replaced with them.

@@ -11,7 +11,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -21,8 +21,9 @@ import numpy as np
 
 from softlab.bench.store.database import DEFAULT_PATH, Store
 from softlab.bench.store.method_name import name_of
-from softlab.bench.store.schema import canonical, configuration_hash, tables_by_kind
+from softlab.bench.store.schema import Description, canonical, configuration_hash, tables_by_kind
 from softlab.model.base.errors import SoftlabError
+from softlab.model.base.table import Table
 from softlab.model.core.families import scene_plan
 from softlab.model.scene.scene import Scene
 
@@ -179,7 +180,7 @@ def measures(store: Store, name: str | None = None, machine: str | None = None) 
     return list(newest.values())
 
 
-def measures_of(store: Store, machine: str, descriptions: Iterable[Mapping[str, Any]]) -> list[Measure]:
+def measures_of(store: Store, machine: str, descriptions: Iterable[Description]) -> list[Measure]:
     """Return the measures of these configurations on a machine."""
     wanted = set(map(configuration_hash, descriptions))
     return [measure for measure in measures(store, machine=machine) if measure.configuration in wanted]
@@ -229,7 +230,7 @@ def timings(store: Store, machine: str | None = None, stage: str | None = "step"
 def _timing(
     identity: tuple[str, str, str, str],
     samples: list[tuple[Any, ...]],
-    description: Mapping[str, Any],
+    description: Description,
     cores: int | None,
     error: Measure | None,
     kernel: Measure | None,
@@ -287,7 +288,7 @@ def _thread_word(threads: int | None, cores: int | None) -> str | None:
 
 
 @lru_cache(maxsize=4096)
-def _facts(scene_text: str, precision: str) -> tuple[dict[str, Any], dict[str, Any], int | None]:
+def _facts(scene_text: str, precision: str) -> tuple[Table, Table, int | None]:
     """The grid, the method and the bytes a particle and step, of a scene as the store holds it."""
     data = json.loads(scene_text)
     kinds = tables_by_kind(data)

@@ -21,6 +21,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from softlab.model.base.errors import InputError, shown
+from softlab.model.base.table import Table, Tables
 
 SCHEMA_VERSION = 1
 KEY, TEXT, INTEGER, REAL = "TEXT PRIMARY KEY", "TEXT NOT NULL", "INTEGER NOT NULL", "REAL NOT NULL"
@@ -54,6 +55,8 @@ def _create(table: str) -> str:
     return f"CREATE TABLE {table} ({', '.join(columns + key)})"
 
 
+Description = dict[str, Any]  # of a configuration, by which the store knows it: JSON values by name
+
 SCHEMA = (  # statements that make the tables
     "CREATE TABLE schema_version (version INTEGER NOT NULL)",
     f"INSERT INTO schema_version VALUES ({SCHEMA_VERSION})",
@@ -61,22 +64,22 @@ SCHEMA = (  # statements that make the tables
 )
 
 
-def canonical(description: Mapping[str, Any]) -> str:
+def canonical(description: Mapping[str, object]) -> str:
     """Canonical JSON: equal texts mean equal descriptions."""
     return json.dumps(description, sort_keys=True, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
 
 
-def tables_by_kind(scene: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+def tables_by_kind(scene: Tables) -> dict[str, Table]:
     """The tables of a scene as a description holds them, by what they are: `grid`, `method`."""
     return {table.get("kind", name): table for name, table in scene.items() if isinstance(table, dict)}
 
 
-def configuration_hash(description: Mapping[str, Any]) -> str:
+def configuration_hash(description: Description) -> str:
     """The 16 hexadecimal digits that name a configuration."""
     return hashlib.sha256(canonical(description).encode()).hexdigest()[:16]
 
 
-def measured_as(description: Mapping[str, Any], machine: str, sources: str) -> dict[str, str]:
+def measured_as(description: Description, machine: str, sources: str) -> dict[str, str]:
     """Arguments of a query with SOURCES."""
     return {"configuration": configuration_hash(description), "machine": machine, "sources": sources, "same": SAME}
 
@@ -110,17 +113,18 @@ NUMBERS = (
 TABLES_OF_NUMBERS = ("arithmetic", "caches", "gpu_arithmetic", "region_policies", "region_seconds")
 
 
-def checked_record(record: Mapping[str, Any]) -> Mapping[str, Any]:
+def checked_record(record: Mapping[str, object]) -> Mapping[str, object]:
     """Return a machine's record after a check of its numbers. Raises ValueError, which names the field."""
 
-    def check(name: str, value: Any) -> None:
-        if value is not None and (type(value) not in (int, float) or not 0 <= value < float("inf")):
+    def check(name: str, value: object) -> None:
+        number = isinstance(value, int | float) and not isinstance(value, bool) and 0 <= value < float("inf")
+        if value is not None and not number:
             raise ValueError(f"{name} = {value!r} is no number of at least 0")
 
-    def check_table(name: str, table: Any) -> None:
+    def check_table(name: str, table: object) -> None:
         if table is not None and not isinstance(table, dict):
             raise ValueError(f"{name} = {table!r} is no table of numbers")
-        for key, value in (table or {}).items():
+        for key, value in table.items() if isinstance(table, dict) else ():
             (check_table if isinstance(value, dict) else check)(f"{name}.{key}", value)
 
     for name in NUMBERS:

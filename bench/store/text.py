@@ -34,7 +34,8 @@ TEXT_VERSION = 1
 TEXTS = (".csv", ".csv.gz")  # how the names of text exports end
 DEEPEST = 32  # tables within tables that a column names
 GROUP = ("configuration", "run", "sources", "stage", "steps", "suspect")  # what the repeats in one line share
-Rows = dict[str, list[tuple[Any, ...]]]  # table -> rows in the column order of TABLES
+Row = tuple[Any, ...]  # of a table, as SQLite has it: numbers, texts, None
+Rows = dict[str, list[Row]]  # table -> rows in the column order of TABLES
 READERS = {  # table -> of each column its name, its type, and whether an empty cell is none
     table: [
         (column, {"REAL": float, "INTEGER": int}.get(kind, str), not rule)
@@ -57,7 +58,7 @@ def as_text(rows: Rows) -> str:
     lines.append(["configuration:", "hash", *columns])
     lines += (["configuration", key, *(cells.get(column, "") for column in columns)] for key, cells in flat)
     lines.append(["sample:", *GROUP, "repeats", "seconds", "joules"])
-    groups: dict[tuple[Any, ...], list[tuple[int, float, float | None]]] = {}
+    groups: dict[tuple[object, ...], list[tuple[int, float, float | None]]] = {}
     for key, run, sources, stage, repeat, seconds, steps, joules, suspect in rows["sample"]:
         groups.setdefault((key, run, sources, stage, steps, suspect), []).append((repeat, seconds, joules))
     for group, samples in groups.items():
@@ -75,14 +76,14 @@ def _quoted(cell: str) -> str:
     return '"' + cell.replace('"', '""') + '"' if any(mark in cell for mark in ',"\r\n') else cell
 
 
-def _cell(value: Any) -> str:
+def _cell(value: object) -> str:
     """A column of a table; None is empty (no column that may be None holds an empty text)."""
     if value is None:
         return ""
     return repr(value) if isinstance(value, float) else str(value)
 
 
-def flatten(data: Mapping[str, Any], prefix: str = "") -> dict[str, str]:
+def flatten(data: Mapping[str, object], prefix: str = "") -> dict[str, str]:
     """Nested tables as {dotted path: cell}. A table whose keys hold dots, that has none or lies DEEPEST within others stays
     one JSON cell."""
     cells: dict[str, str] = {}
@@ -98,7 +99,7 @@ def flatten(data: Mapping[str, Any], prefix: str = "") -> dict[str, str]:
 
 
 @lru_cache(maxsize=65536)  # most cells of a column are the same
-def _value(cell: str) -> Any:
+def _value(cell: str) -> object:
     """Value of a cell: JSON, or else its text."""
     try:
         return json.loads(cell)
@@ -188,12 +189,12 @@ def _parse(reader: Any, file: Path) -> Rows:
     return rows
 
 
-def _row(table: str, cells: Mapping[str, str]) -> tuple[Any, ...]:
+def _row(table: str, cells: Mapping[str, str]) -> Row:
     """A row of a table from its cells, by column."""
     return tuple([None if not cells[name] and free else kind(cells[name]) for name, kind, free in READERS[table]])
 
 
-def _samples(row: Mapping[str, str]) -> list[tuple[Any, ...]]:
+def _samples(row: Mapping[str, str]) -> list[Row]:
     repeats, seconds = row["repeats"].split(), row["seconds"].split()
     joules = ["" if joule == "-" else joule for joule in row["joules"].split()] or [""] * len(repeats)
     for text in seconds:

@@ -23,6 +23,7 @@ from softlab.bench.measure.experiment import Report, ending_cleanly, host_of, so
 from softlab.bench.measure.progress import progress_bar
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import configuration, measures_of
+from softlab.bench.store.schema import Description
 from softlab.bench.stress.case import HardCase
 from softlab.bench.stress.cases import CASES
 from softlab.bench.stress.results import CHECK, CODES, SHAPE, VERDICT, HardSummary, rows_of
@@ -147,7 +148,7 @@ class _Work:
     method: str
     backend: str
     precision: str
-    description: dict[str, Any]
+    description: Description
     sources: str
     drawn: bool = False
 
@@ -243,6 +244,7 @@ def _judge(store: Store, summary: HardSummary, work: _Work) -> None:
         for place, check in enumerate(outcome.checks)
     }
     if drawn:
+        assert outcome.end is not None
         scene, _ = case_scene(work.case, work.method)
         numbers[SHAPE] = None, "m", _shape(scene, outcome.end)
         summary.ends.append((work, outcome))
@@ -251,7 +253,7 @@ def _judge(store: Store, summary: HardSummary, work: _Work) -> None:
     summary.measured += 1
 
 
-def _shape(scene: Scene, end: Any) -> str:
+def _shape(scene: Scene, end: np.ndarray) -> str:
     if scene.content == "sheet":
         return as_text(end, scene.grid.rows, scene.grid.columns)
     return bodies_as_text(end, scene.body_set.body if scene.copies else np.zeros(len(end), int))
@@ -259,7 +261,7 @@ def _shape(scene: Scene, end: Any) -> str:
 
 def _draw(summary: HardSummary, folder: Path, show: bool) -> None:
     """Draw a picture of every stored end state; without OpenGL, set `summary.no_pictures` to the reason."""
-    from softlab.app.output.offscreen import opengl_available, render_frame
+    from softlab.app.output.offscreen import Picture, opengl_available, render_frame
 
     if not summary.ends:
         return
@@ -273,7 +275,7 @@ def _draw(summary: HardSummary, folder: Path, show: bool) -> None:
             scene, _ = case_scene(work.case, work.method)
             words = [work.case.name.replace(" ", "-"), work.method, work.precision, work.backend]
             caption = f"{work.case.name}: {work.case.title}, {work.method}: {outcome.verdict}"
-            picture = folder / f"{'-'.join(words)}.png"
+            target = folder / f"{'-'.join(words)}.png"
             assert outcome.end is not None  # only runs with an end state are drawn
-            render_frame(scene, outcome.end, picture, 640, 480, caption=caption, time=outcome.time)
+            render_frame(scene, outcome.end, target, Picture(640, 480, caption), time=outcome.time)
             summary.pictures += 1

@@ -6,8 +6,8 @@ have contact, so that the scenes share machine code.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import partial
-from typing import Any
 
 from softlab.bench.experiments.accuracy.methods import FLUIDS
 from softlab.bench.stress import fluids, vessels
@@ -24,23 +24,26 @@ AWAY = -1000.0  # m
 # reasons of known failures
 OUTRUN = "nothing is faster than half a support a substep, 10.9 m/s here: the walls of a faster cup push its fluid on"
 SLOWED = "nothing is faster than half a support a substep, 10.9 m/s here; 100 m/s needs 37 substeps"
+NOTHING: Mapping[str, object] = {}
 
 
-def scene(substeps: int = SUBSTEPS, gravity: bool = False, **parts: Any) -> Scene:
+def scene(parts: Mapping[str, object], substeps: int = SUBSTEPS, gravity: bool = False) -> Scene:
     """Return a scene of these parts, with a floor and a box far away unless the parts have them."""
     far = {
         "floor": {"kind": "plane", "point": [0.0, AWAY, 0.0], "thickness": THICK},
         "box": {"kind": "box", "center": [0.0, AWAY, 0.0], "half_size": [0.5, 0.5, 0.5]},
     }
     method = {"solver": "pbf", "dt": FRAME, "substeps": substeps, "iterations": ITERATIONS}
-    return Scene(far | parts | {"gravity": {} if gravity else {"acceleration": 0.0}, "method": method})
+    return Scene({**far, **parts, "gravity": {} if gravity else {"acceleration": 0.0}, "method": method})
 
 
 def water(
-    across: tuple[int, int, int], origin: tuple[float, float, float] = (0.0, 0.0, 0.0), **more: Any
-) -> dict[str, Any]:
+    across: tuple[int, int, int],
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    more: Mapping[str, object] = NOTHING,
+) -> dict[str, object]:
     """Return a block of fluid with that many particles along each side."""
-    return {"kind": "fluid", "size": [D * n for n in across], "origin": list(origin), "rest_distance": D} | more
+    return {"kind": "fluid", "size": [D * n for n in across], "origin": list(origin), "rest_distance": D, **more}
 
 
 def cup(speed: float) -> Scene:
@@ -55,37 +58,39 @@ def cup(speed: float) -> Scene:
         "back": ((x / 2, y / 2, -half), (wide, high, half)),
         "front": ((x / 2, y / 2, z + half), (wide, high, half)),
     }
-    walls: dict[str, Any] = {
+    walls: dict[str, object] = {
         name: {"kind": "box", "center": list(center), "half_size": list(sides), "velocity": [speed, 0.0, 0.0]}
         for name, (center, sides) in places.items()
     }
     far = {"kind": "box", "center": [0.0, AWAY, 0.0], "half_size": [0.5, 0.5, 0.5], "velocity": [speed, 0.0, 0.0]}
-    return scene(gravity=True, water=water((8, 5, 6)), box=far, **walls)
+    return scene({"water": water((8, 5, 6)), "box": far, **walls}, gravity=True)
 
 
 def lone() -> Scene:
     """Return one particle, 5 m above a floor."""
-    return scene(gravity=True, drop=water((1, 1, 1), (0.0, 5.0, 0.0)), floor={"kind": "plane", "thickness": THICK})
+    return scene(
+        {"drop": water((1, 1, 1), (0.0, 5.0, 0.0)), "floor": {"kind": "plane", "thickness": THICK}}, gravity=True
+    )
 
 
 def stacked() -> Scene:
     """Return the heavy fluid above the light one, both 0.2 m deep, in a tank."""
-    metal, gas = (water((8, 4, 4), (0.0, low, 0.0), density=rho) for low, rho in ((0.2, 1000.0), (0.0, 1.0)))
+    metal, gas = (water((8, 4, 4), (0.0, low, 0.0), {"density": rho}) for low, rho in ((0.2, 1000.0), (0.0, 1.0)))
     sides = {
         "floor": ([0.0, 0.0, 0.0], [0.0, 1.0, 0.0]), "left": ([0.0, 0.0, 0.0], [1.0, 0.0, 0.0]),
         "right": ([0.4, 0.0, 0.0], [-1.0, 0.0, 0.0]), "back": ([0.0, 0.0, 0.0], [0.0, 0.0, 1.0]),
         "front": ([0.0, 0.0, 0.2], [0.0, 0.0, -1.0]),
     }  # fmt: skip
-    planes: dict[str, Any] = {
+    planes: dict[str, object] = {
         name: {"kind": "plane", "point": at, "normal": n, "thickness": 0.0} for name, (at, n) in sides.items()
     }
-    return scene(gravity=True, metal=metal, gas=gas, **planes)
+    return scene({"metal": metal, "gas": gas, **planes}, gravity=True)
 
 
 def slab(substeps: int) -> Scene:
     """Return a slab at 100 m/s, 2 m above a floor."""
-    flying = water((12, 4, 12), (0.0, 2.0, 0.0), velocity=[0.0, -100.0, 0.0])
-    return scene(substeps, slab=flying, floor={"kind": "plane", "thickness": THICK})
+    flying = water((12, 4, 12), (0.0, 2.0, 0.0), {"velocity": [0.0, -100.0, 0.0]})
+    return scene({"slab": flying, "floor": {"kind": "plane", "thickness": THICK}}, substeps)
 
 
 def plate(half: float, moves: bool) -> Scene:
@@ -94,29 +99,29 @@ def plate(half: float, moves: bool) -> Scene:
     The plate is so wide that no particle reaches its rim.
     """
     speed, wide = 0.9 * FASTEST, fluids.FREE * FASTEST
-    velocity = {"velocity": [0.0, 0.0 if moves else -speed, 0.0]}
+    velocity: dict[str, object] = {"velocity": [0.0, 0.0 if moves else -speed, 0.0]}
     box = {"kind": "box", "center": [0.0, -0.3, 0.0], "half_size": [wide, half, wide], "thickness": THICK,
            "velocity": [0.0, speed if moves else 0.0, 0.0]}  # fmt: skip
-    return scene(water=water((4, 4, 4), (-0.1, 0.1, -0.1), **velocity), box=box)
+    return scene({"water": water((4, 4, 4), (-0.1, 0.1, -0.1), velocity), "box": box})
 
 
-def drop(**more: Any) -> Scene:
+def drop(more: Mapping[str, object] = NOTHING) -> Scene:
     """Return a cube of 216 particles about the origin."""
-    return scene(water=water((6, 6, 6), (-0.15, -0.15, -0.15), **more))
+    return scene({"water": water((6, 6, 6), (-0.15, -0.15, -0.15), more)})
 
 
 def mixed() -> Scene:
     """Return two halves of a cube, one of which is ten times as heavy."""
-    halves: dict[str, Any] = {
-        name: water((3, 6, 6), (low, -0.15, -0.15), density=rho)
+    halves: dict[str, object] = {
+        name: water((3, 6, 6), (low, -0.15, -0.15), {"density": rho})
         for name, low, rho in (("oil", -0.15, 100.0), ("water", 0.0, 1000.0))
     }
-    return scene(**halves)
+    return scene(halves)
 
 
 def crowded() -> Scene:
     """Return three blocks in one place."""
-    return scene(water=water((5, 5, 5), blocks=[{"origin": [0.0, 0.0, 0.0], "size": [5 * D] * 3}] * 2))
+    return scene({"water": water((5, 5, 5), more={"blocks": [{"origin": [0.0, 0.0, 0.0], "size": [5 * D] * 3}] * 2})})
 
 
 def joined_vessels() -> Scene:
@@ -128,7 +133,7 @@ def joined_vessels() -> Scene:
     block = {"kind": "fluid", "dimensions": 2, "size": [0.3, 0.4], "rest_distance": d, "viscosity": 2.0}
     ends = {"floor": ([0.0, 0.0, 0.0], [0.0, 1.0, 0.0]), "left": ([0.0] * 3, [1.0, 0.0, 0.0]),
             "right": ([0.64, 0.0, 0.0], [-1.0, 0.0, 0.0])}  # fmt: skip
-    walls: dict[str, Any] = {
+    walls: dict[str, object] = {
         name: {"kind": "plane", "point": point, "normal": normal, "thickness": 0.0}
         for name, (point, normal) in ends.items()
     }
@@ -150,10 +155,10 @@ FLUID_CASES = (
              basis="Galileo: water in a cup of constant speed comes to go with it"),
     HardCase("F2", "a lone particle", lone, fluids.falls_alone, methods=FLUIDS,
              basis="symplectic Euler in closed form, by rounding"),
-    HardCase("F3", "two particles in one place", partial(scene, water=water((5, 5, 5))), fluids.parts_from_its_double,
+    HardCase("F3", "two particles in one place", partial(scene, {"water": water((5, 5, 5))}), fluids.parts_from_its_double,
              methods=FLUIDS,
              basis="Newton's third law; half a rest distance"),
-    HardCase("F3 alone", "the same, and nothing else", partial(scene, water=water((2, 1, 1))), fluids.two_alone,
+    HardCase("F3 alone", "the same, and nothing else", partial(scene, {"water": water((2, 1, 1))}), fluids.two_alone,
              methods=FLUIDS,
              basis="Newton's third law: their mean stays"),
     HardCase("F4", "density 1000 over 1", stacked, fluids.changes_places, methods=FLUIDS, quick=False,
@@ -165,7 +170,7 @@ FLUID_CASES = (
              basis="half a support a substep; a hit makes no energy"),
     HardCase("F6", "a still drop", drop, fluids.keeps_still, methods=FLUIDS,
              basis="A12: the lattice that kernels are scaled by"),
-    HardCase("F6 drawn", "a drop that is drawn together", partial(drop, cohesion=0.5, surface_tension=0.3),
+    HardCase("F6 drawn", "a drop that is drawn together", partial(drop, {"cohesion": 0.5, "surface_tension": 0.3}),
              fluids.keeps_still, methods=FLUIDS, quick=False,
              basis="forces in pairs"),
     HardCase("F7", "momentum without walls", drop, fluids.keeps_momentum, methods=FLUIDS,

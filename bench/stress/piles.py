@@ -90,7 +90,7 @@ def heaps_up(trial: Trial) -> list[Check]:
             state = trial.checked_state(simulation)
             energy = kinetic(scene, state.velocity)
             peak = max(peak, energy)
-        lost = simulation.contacts_lost  # type: ignore[attr-defined]
+        lost = simulation.read("contacts_lost")
     at, spacing = state.position.astype(np.float64), scene.body_set.spacing
     return [
         Check("nearest particles over their distance", nearest(scene, at) / spacing, "", ">", GAP_FRACTION),

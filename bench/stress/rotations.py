@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import cache
 from itertools import pairwise, product
-from typing import Any
 
 import numpy as np
 
@@ -73,10 +72,12 @@ def _rotations(trial: Trial, A: np.ndarray, scale: float, before: np.ndarray | N
     mass = np.full(6 * count, scale / 2)
     clusters = clusters_of(np.tile(AXES, (count, 1)), members, mass=mass)
     now = np.einsum("nij,kj->nki", A, AXES).reshape(-1, 3)
-    return _one_step(trial, clusters, now, before).rotation  # type: ignore[return-value]
+    rotation = _one_step(trial, clusters, now, before).rotation
+    assert rotation is not None
+    return rotation
 
 
-def _one_step(trial: Trial, clusters: Clusters, position: np.ndarray, rotation: Any = None) -> State:
+def _one_step(trial: Trial, clusters: Clusters, position: np.ndarray, rotation: np.ndarray | None = None) -> State:
     scene = by_hand(clusters)
     with trial.open(start(scene, position, rotation=rotation), scene=scene) as simulation:
         trial.advance(simulation, 1)

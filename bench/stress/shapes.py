@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import json
-from typing import Any
 
 import numpy as np
 
 
-def bodies_as_text(position: Any, body: Any, most: int = 400) -> str:
+def bodies_as_text(position: np.ndarray, body: np.ndarray, most: int = 400) -> str:
     """Return positions (particles, 3) as JSON, a list for each `body` (particles,), at most `most` in all.
 
     They are rounded like those of `as_text`.
@@ -18,7 +17,7 @@ def bodies_as_text(position: Any, body: Any, most: int = 400) -> str:
     return json.dumps([near[body == k][::stride].tolist() for k in np.unique(body)], separators=(",", ":"))
 
 
-def as_text(position: Any, rows: int, columns: int, most: int = 33) -> str:
+def as_text(position: np.ndarray, rows: int, columns: int, most: int = 33) -> str:
     """Return positions (particles, dimensions) as JSON, at most `most` rows and columns, to 1e-3 of their extent."""
     flat = np.asarray(position, dtype=np.float64)
     dimensions = flat.shape[-1]
@@ -28,7 +27,7 @@ def as_text(position: Any, rows: int, columns: int, most: int = 33) -> str:
     return json.dumps(_rounded(grid).tolist(), separators=(",", ":"))
 
 
-def _rounded(position: Any) -> Any:
+def _rounded(position: np.ndarray) -> np.ndarray:
     """Return positions (..., dimensions) rounded to 1e-3 of their extent."""
     extent = float(np.ptp(position.reshape(-1, position.shape[-1]), axis=0).max())
     unit = 10.0 ** np.floor(np.log10(extent / 1000)) if extent > 0 and np.isfinite(extent) else 1e-3

@@ -127,8 +127,9 @@ class Trial:
         if not method.position_based:
             return reference.simulate(scene, steps, *begin)[0]
         ordering = ORDERINGS.get(method.ordering, method.ordering)
-        how = {"substeps": method.substeps, "iterations": method.iterations, "ordering": ordering}
-        return xpbd.simulate(scene, steps, *begin, **how)[0]  # type: ignore[arg-type]
+        return xpbd.simulate(
+            scene, steps, *begin, substeps=method.substeps, iterations=method.iterations, ordering=ordering
+        )[0]
 
     def start(self, position: np.ndarray, velocity: np.ndarray | None = None) -> State:
         """Return a state at time 0.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from softlab.bench.stress.trial import Check, Trial
+from softlab.model.tables.cloth import Box, Plane
 
 LEVELLED = 6.0  # s: simulated time until the levels are measured
 PERIODS = 2  # periods of their oscillation over which levels are averaged
@@ -20,9 +21,9 @@ def levels_out(trial: Trial) -> list[Check]:
     passes a wall.
     """
     scene = trial.scene
-    fluid_set, wall = scene.fluid_set, scene.parts["wall"]
-    middle, half = wall.center[0], wall.half_size[0]  # type: ignore[attr-defined]
-    right, gap = scene.parts["right"].point[0], wall.center[1] - wall.half_size[1]  # type: ignore[attr-defined]
+    fluid_set, wall = scene.fluid_set, scene.parts_of(Box)["wall"]
+    middle, half = wall.center[0], wall.half_size[0]
+    right, gap = scene.parts_of(Plane)["right"].point[0], wall.center[1] - wall.half_size[1]
     each = right - middle - half
     level = fluid_set.particle_count * fluid_set.lattice.volume / (2 * each) - gap * half / each
     period = 2 * np.pi * np.sqrt((2 * level + 2 * half + each) / 2 / 9.81)

@@ -11,7 +11,6 @@ import json
 from dataclasses import asdict, fields
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -93,7 +92,7 @@ def _mesh(mesh: Source, scale: float, inside: bool) -> Meshes:
     return mesh
 
 
-def _packed(body: BakedBody) -> dict[str, Any]:
+def _packed(body: BakedBody) -> dict[str, np.ndarray | float]:
     """Return the body as arrays by name, without anything that needs pickling."""
     clusters, skin = body.clusters, body.skin
     return {

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 
@@ -202,10 +202,11 @@ def binned(places: np.ndarray, weights: np.ndarray, count: int) -> np.ndarray:
     return np.bincount(places, weights, count).astype(np.float64)
 
 
+Value = TypeVar("Value", float, np.ndarray)
 MAX_SUBSTEP = 1e150  # s: Python refuses the square of much more
 
 
-def matching_factor(stiffness: Any, substep: float, iterations: int) -> Any:
+def matching_factor(stiffness: Value, substep: float, iterations: int) -> Value:
     """Return the fraction of the displacement to their goals by which masses move per iteration: b = 1 - (1 + w^2
     h^2)^(-1 / n).
 

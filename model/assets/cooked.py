@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from functools import cache
 from math import inf
 from pathlib import Path
@@ -51,15 +51,28 @@ _in_use: WeakValueDictionary[tuple[str, float], CookedBody] = WeakValueDictionar
 Source = Shape | str | Path | TriangleMesh | tuple[np.ndarray, np.ndarray]
 
 
+@dataclass(frozen=True)
+class Repair:
+    """Preparation of a surface: with `unite` pieces that overlap become one; then at most `simplify` triangles are
+    left (geometry/repair.py); `fill_holes`: its holes are closed."""
+
+    unite: bool = False
+    simplify: int | None = None
+    fill_holes: bool = False
+
+    @property
+    def rebuilds(self) -> bool:
+        """True if the triangles become others."""
+        return self.unite or self.simplify is not None
+
+
 def cooked(
     source: Source,
     *,
     edge: float | None = None,
     voxels: int | None = None,
     per_voxel: PerVoxel | Literal["conforming"] = 5,
-    unite: bool = False,
-    simplify: int | None = None,
-    fill_holes: bool = False,
+    repair: Repair = Repair(),
     scale: float = 1.0,
     density: float = DENSITY,
     folder: Path | None = None,
@@ -69,35 +82,33 @@ def cooked(
 
     `source`: a closed mesh (a built-in shape, by name or as a Shape, a file, or the mesh itself), or a file of
     tetrahedra, which is taken as it is. `edge`, `voxels`, `per_voxel`: see `voxel_mesh`; "conforming": tetrahedra of
-    that edge which follow the surface, closed or not, by `conforming_mesh`. `unite`: pieces that overlap become one
-    first; `simplify`: then at most so many triangles are left (geometry/repair.py); `fill_holes`: of the surface.
-    Coordinates of files and shapes are multiplied by `scale`. The bits are the same with and without the cache, but for
-    "conforming" bodies, which differ each time.
+    that edge which follow the surface, closed or not, by `conforming_mesh`. Coordinates of files and shapes are multiplied
+    by `scale`. The bits are the same with and without the cache, but for "conforming" bodies, which differ each time.
 
     `use_cache` False: neither read nor written. Raises SceneError (a parameter) and InputError (the mesh, the file),
     each with a remedy.
     """
     check_density(density)
     source = _named(source, scale)
-    settled = is_settled(source)
+    file_of_tetrahedra = Path(source) if isinstance(source, str | Path) and holds_tetrahedra(source) else None
+    settled = file_of_tetrahedra is not None
     if settled and (edge is not None or voxels is not None):
         field, value = ("edge", edge) if edge is not None else ("voxels", voxels)
         raise SceneError(field, value, "a file of tetrahedra is taken as it is; leave it out")
-    prepared = unite or simplify is not None
-    if settled and prepared:
+    if settled and repair.rebuilds:
         raise SceneError(
-            *(("--unite", unite) if unite else ("--simplify", simplify)),
+            *(("--unite", True) if repair.unite else ("--simplify", repair.simplify)),
             "does not apply to a file of tetrahedra; leave it out",
         )
 
     def make() -> CookedBody:
-        if settled:
-            return _body_of_file(Path(source), scale)  # type: ignore[arg-type]
-        mesh = _triangles(source, scale, raw=unite or (per_voxel == "conforming" and not prepared))
+        if file_of_tetrahedra is not None:
+            return _body_of_file(file_of_tetrahedra, scale)
+        mesh = _triangles(source, scale, raw=repair.unite or (per_voxel == "conforming" and not repair.rebuilds))
         try:
-            if prepared:
-                mesh = _prepared(mesh, unite, simplify)
-            if fill_holes:
+            if repair.rebuilds:
+                mesh = _prepared(mesh, repair.unite, repair.simplify)
+            if repair.fill_holes:
                 mesh = filled(as_mesh(mesh, inside=True), inf)
             if per_voxel == "conforming":
                 with work("filling the surface with tetrahedra, which can take minutes"):
@@ -109,8 +120,8 @@ def cooked(
 
     if not use_cache:
         return make().with_density(density)
-    cut = f"{edge!r} {voxels!r} {per_voxel!r}" + (f" {unite!r} {simplify!r}" if prepared else "")
-    cut += " filled" if fill_holes else ""
+    cut = f"{edge!r} {voxels!r} {per_voxel!r}" + (f" {repair.unite!r} {repair.simplify!r}" if repair.rebuilds else "")
+    cut += " filled" if repair.fill_holes else ""
     key = body_key(source, scale, "as it is" if settled else cut)
     loaded = _in_use.get((key, density)) if folder is None else None
     if loaded is not None:
@@ -167,7 +178,7 @@ def _named(source: Source, scale: float) -> Source:
         return source
     name, suffix = str(source), Path(source).suffix.lower()
     if name in SHAPES:
-        return Shape(name=name)  # type: ignore[arg-type]
+        return Shape.model_validate({"name": name})
     if suffix not in FORMATS and suffix not in READERS:
         if name and not suffix and not is_there(source):
             raise InputError(f"{name}: no such shape; {WHAT}{', '.join(SHAPES)}")

@@ -6,7 +6,7 @@ import importlib.util
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import TypeVar
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from softlab.model.geometry.mesh_files import read_arrays
 from softlab.model.geometry.solid import Solid, solid
 from softlab.model.geometry.tetrahedra.files import holds_tetrahedra, read_tetrahedra
 
+T = TypeVar("T")
 METRES = (".glb", ".gltf")  # formats whose unit is the metre
 LARGEST_IN_METRES, LARGEST_IN_CENTIMETRES, LARGEST_IN_MILLIMETRES = 20.0, 250.0, 20_000.0  # longest sides, guessed
 LARGEST_PART = 3.0  # longest side of an STL, which CAD programs write in mm, that is taken for metres
@@ -69,7 +70,7 @@ class Inspection:
     roles: dict[str, str]
     notes: tuple[str, ...]
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> dict[str, object]:
         """Return the fields for JSON: of each role whether it `fits` and the `reason` why not; which roles the file
         `fits_with_fill_holes`."""
         roles = {name: {"fits": not reason, "reason": reason} for name, reason in self.roles.items()}
@@ -169,7 +170,7 @@ def inspected(path: str | Path, scale: float = 1.0) -> Inspection:
     return _inspection(path, scale, surface, inner, (body, filled), fins, tetrahedra, tuple(repairs), roles)
 
 
-def _tried(make: Callable[[], Any]) -> tuple[Any, str]:
+def _tried(make: Callable[[], T]) -> tuple[T | None, str]:
     """Return (what was made, "") or (None, the reason why not)."""
     try:
         return make(), ""

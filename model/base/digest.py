@@ -15,7 +15,6 @@ import types
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 ROOT = Path(__file__).resolve().parents[2]  # where the layers lie: the checkout, or the installed package
 FOREIGN = frozenset(
@@ -28,7 +27,7 @@ _UNKNOWN = os.urandom(16)  # stands for what cannot be told apart: such a digest
 _codes: dict[tuple[int, str | None], tuple[types.CodeType, list[bytes]]] = {}
 
 
-def content_digest(*values: Any) -> str:
+def content_digest(*values: object) -> str:
     """A hash (hex) of what functions are made of and of plain values: the same for the same content, in every process.
 
     Of a function: its bytecode, constants, defaults, the values in its closure, and the globals that it names; functions
@@ -45,14 +44,14 @@ class _Walk:
     def __init__(self) -> None:
         self._entered: dict[int, int] = {}
 
-    def digest(self, value: Any) -> bytes:
+    def digest(self, value: object) -> bytes:
         """Return the digest of a value and all it refers to."""
         summary = hashlib.sha256()
         for piece in self._pieces(value):
             summary.update(len(piece).to_bytes(8, "little") + piece)
         return summary.digest()
 
-    def _pieces(self, value: Any) -> Iterator[bytes]:
+    def _pieces(self, value: object) -> Iterator[bytes]:
         kind = type(value)
         yield kind.__name__.encode()
         if value is None or isinstance(value, (bool, int, str, bytes, complex, type(Ellipsis))):
@@ -76,7 +75,7 @@ class _Walk:
         else:
             yield from self._of_object(value)
 
-    def _of_object(self, value: Any) -> Iterator[bytes]:
+    def _of_object(self, value: object) -> Iterator[bytes]:
         if hasattr(value, "softlab_content"):  # known already: every kernel that calls it asks
             yield value.softlab_content.encode()
         elif hasattr(value, "py_func"):  # what numba compiles
@@ -94,7 +93,7 @@ class _Walk:
         else:
             yield _UNKNOWN
 
-    def _of_function(self, function: Any) -> Iterator[bytes]:
+    def _of_function(self, function: types.FunctionType) -> Iterator[bytes]:
         if id(function) in self._entered:
             yield f"entered {self._entered[id(function)]}".encode()
             return

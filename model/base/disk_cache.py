@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
-from typing import TypeVar
+from typing import IO, TypeVar
 
 import numpy as np
 
@@ -55,13 +55,19 @@ def read_arrays(file: Path) -> dict[str, np.ndarray] | None:
         return None
 
 
+def save_arrays(opened: IO[bytes], arrays: Mapping[str, np.ndarray | np.generic | float]) -> None:
+    """Write the arrays by name, as an .npz file."""
+    save: Callable[..., None] = np.savez  # its stub takes every array for a flag, too
+    save(opened, **arrays)
+
+
 def write_arrays(file: Path, arrays: Mapping[str, np.ndarray | float]) -> None:
     """Write the arrays to an .npz file, under another name first, so that a killed process leaves no partial file.
     Failures are ignored."""
     with suppress(OSError, InputError):
         file.parent.mkdir(exist_ok=True)
         with replacing(file) as temporary, open(temporary, "wb") as opened:
-            np.savez(opened, **arrays)  # type: ignore[arg-type]
+            save_arrays(opened, arrays)
 
 
 def load_or_make(

@@ -115,7 +115,7 @@ class Place:
     """Replacement of numba's cache locators: one folder for all kernels."""
 
     @classmethod
-    def from_function(cls, py_func: Any, py_file: str) -> Place | None:
+    def from_function(cls, py_func: object, py_file: str) -> Place | None:
         """Return the place, or None where no folder can be written."""
         return cls() if folder() else None
 
@@ -158,11 +158,10 @@ class NotifyingCache:
     """Mixin of numba's function caches: notifies watchers, and continues without files that cannot be read or
     written."""
 
-    _py_func: Any
     _cache_file: Any
     label: str
 
-    def _index_key(self, sig: Any, codegen: Any) -> Any:
+    def _index_key(self, sig: object, codegen: Any) -> tuple[object, ...]:
         return sig, codegen.magic_tuple(), _versions()
 
     @property
@@ -170,7 +169,7 @@ class NotifyingCache:
         """True if machine code of this function is cached for some argument types."""
         return os.path.exists(self._cache_file._index_path)
 
-    def load_overload(self, sig: Any, target_context: Any) -> Any:
+    def load_overload(self, sig: object, target_context: object) -> object:
         """Return the machine code for these types, or None if it must be compiled, after notifying watchers."""
         try:
             overload = super().load_overload(sig, target_context)  # type: ignore[misc]
@@ -185,7 +184,7 @@ class NotifyingCache:
                 os.utime(self._cache_file._index_path)
         return overload
 
-    def save_overload(self, sig: Any, data: Any) -> None:
+    def save_overload(self, sig: object, data: object) -> None:
         """Cache machine code for these types, if it can be written."""
         _end(self.label)
         try:

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import re
-from typing import Any
 
 import numpy as np
 
 PIN_WORDS = ("none", "top", "bottom", "left", "right", "top-bottom", "left-right", "top-corners", "edges")
 PIN_RULE = f"{', '.join(PIN_WORDS)}, every:K (of the top row, K >= 1) or a list [[row, column], ...]"
 
-Pins = str | list[tuple[int, int]]
+Pins = str | list[tuple[int, int]]  # of a sheet of rows and columns
+MeshPins = Pins | list[int]  # of any sheet: vertices of a mesh, too
 
 
-def checked_pins(value: object) -> Any:
+def checked_pins(value: object) -> Pins:
     """Return `value` as Pins. Raises ValueError for values that are neither a word nor a list of pairs of integers."""
     if isinstance(value, str):
         if value not in PIN_WORDS and not re.fullmatch(r"every:([1-9][0-9]{0,9})", value):
@@ -28,13 +28,15 @@ def checked_pins(value: object) -> Any:
             or not all(isinstance(k, int) and not isinstance(k, bool) for k in pair)
         ):
             raise ValueError(PIN_RULE)
-    return [tuple(pair) for pair in value]
+    return [(pair[0], pair[1]) for pair in value]
 
 
-def pin_indices(pins: Pins, rows: int, columns: int) -> np.ndarray:
-    """Return the sorted flat indices (row * columns + column), int64, of the masses of a sheet that `pins` names."""
+def pin_indices(pins: MeshPins, rows: int, columns: int) -> np.ndarray:
+    """Return the sorted flat indices (row * columns + column), int64, of the masses of a sheet that `pins` names: a
+    word, masses [row, column], or indices."""
     if isinstance(pins, list):
-        return np.unique(np.array([row * columns + column for row, column in pins], dtype=np.int64))
+        places = np.array(pins, dtype=np.int64)
+        return np.unique(places if places.ndim == 1 else places[:, 0] * columns + places[:, 1])
     if pins.startswith("every:"):
         return np.arange(0, columns, int(pins.removeprefix("every:")), dtype=np.int64)
     across, down = np.arange(columns, dtype=np.int64), np.arange(rows, dtype=np.int64) * columns

@@ -7,6 +7,8 @@ from typing import Annotated, Any, ClassVar
 
 from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer
 
+Table = dict[str, Any]  # fields of a part by name, as a scene file has them: not checked yet
+Tables = Mapping[str, Any]  # of a scene by name, a title beside them
 Number = Annotated[float, Field(allow_inf_nan=False, strict=True)]
 Vector = tuple[Number, Number, Number]  # x, y (up), z
 ZERO: Vector = (0.0, 0.0, 0.0)
@@ -37,6 +39,6 @@ class Part(BaseModel):
         return set()
 
     @model_serializer(mode="wrap")
-    def _without_idle_fields(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
+    def _without_idle_fields(self, serialize: SerializerFunctionWrapHandler) -> dict[str, object]:
         idle = self._idle_fields()
         return {name: value for name, value in serialize(self).items() if name not in idle}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
-from typing import Any, TypeVar
+from typing import TypeVar
 
 Item = TypeVar("Item")
 INTERVAL = 0.1  # s between two reports
@@ -23,7 +23,7 @@ class Watchers(list[Callable[..., None]]):
         finally:
             self.remove(watcher)
 
-    def notify(self, *what: Any) -> None:
+    def notify(self, *what: object) -> None:
         """Call every watcher with `what`."""
         for watcher in self:
             watcher(*what)

@@ -5,15 +5,17 @@ from __future__ import annotations
 import difflib
 import inspect
 import re
+from collections.abc import Iterable
 from functools import cache
-from typing import Any, get_args, get_origin
+from typing import get_args, get_origin
 
 from pydantic import ValidationError
+from pydantic_core import ErrorDetails
 
 from softlab.model.base.errors import SceneError
 from softlab.model.base.table import Part
 
-NOTE = r"^    (\w+): [^#\n]*  (?:# type: ignore\[[\w-]+\]  )?# (?!type:|noqa|fmt:)(.*)$"  # a field's comment
+NOTE = r"^    (\w+): [^#\n]*  # (?!type:|noqa|fmt:)(.*)$"  # a field's comment
 
 NEAR = 0.65  # of letters alike: below it cloth-hanging is near to nothing; far above it bar is not near to bat
 SYNONYMS = {  # other programs' names of a field, whose letters are not similar to it
@@ -22,7 +24,7 @@ SYNONYMS = {  # other programs' names of a field, whose letters are not similar 
 COUNTS = ("none", "one", "two", "three", "four")
 
 
-def suggestion(word: str, known: Any) -> str:
+def suggestion(word: str, known: Iterable[str]) -> str:
     """Return ` (did you mean ...?)` with the nearest of `known` names, or nothing where none is near."""
     close = difflib.get_close_matches(word, list(known), n=1, cutoff=NEAR)
     return f" (did you mean {close[0]}?)" if close else ""
@@ -65,7 +67,7 @@ def _names(kind: type[Part], place: tuple[int | str, ...]) -> list[str]:
     return names
 
 
-def _list_wanted(kind: type[Part], complaint: Any) -> str:
+def _list_wanted(kind: type[Part], complaint: ErrorDetails) -> str:
     """Describe the list that a field must be where something else was given: of tables, words, or numbers, and how
     many."""
     place = _names(kind, complaint["loc"])
@@ -85,7 +87,7 @@ def _list_wanted(kind: type[Part], complaint: Any) -> str:
     return f"must be a list of {COUNTS[count] if count < len(COUNTS) else count} numbers, such as [{example}]"
 
 
-def _count_error(part: str, complaints: list[Any], first: Any) -> SceneError:
+def _count_error(part: str, complaints: list[ErrorDetails], first: ErrorDetails) -> SceneError:
     """Return the error for a list of too few or too many numbers, with the number it must have.
 
     Each length that a field can have complains by itself, a short list once for each number that it lacks.

@@ -6,7 +6,6 @@ Constants that a grid has, too, have the names of the grid's record.
 from __future__ import annotations
 
 from math import hypot, pi, sqrt
-from typing import Any
 
 import numpy as np
 
@@ -24,7 +23,7 @@ from softlab.model.formulas import motion
 from softlab.model.geometry.arithmetic.ordered import norm
 from softlab.model.scene.scene import Scene
 from softlab.model.tables.cloth import COLLIDER_KINDS, SURFACE_KINDS
-from softlab.model.tables.colliders.surface_collider import naming
+from softlab.model.tables.colliders.surface_collider import SurfaceCollider, naming
 from softlab.model.tables.motion import motions_of_pins
 
 CLOTH_PARAMETERS = (
@@ -202,17 +201,17 @@ def collider_numbers(scene: Scene, real: Real) -> np.ndarray:
     """
     rows = collider_rows(scene, real)
     end, most = rows.size, 2 ** (np.finfo(real).nmant + 1)  # integers are exact up to there
-    parts: Any = scene.parts
-    names = [name for surface_kind in SURFACE_KINDS for name, kind in scene.kinds.items() if kind == surface_kind]
+    surfaces = scene.parts_of(SurfaceCollider)
+    names = [name for surface_kind in SURFACE_KINDS for name in surfaces if scene.kinds[name] == surface_kind]
     numbers = []
     for row, name in enumerate(names, len(rows) - len(names)):
         rows[row, B_TREE] = end - row * COLLIDER_FIELDS
         with naming(name):
-            end += parts[name].number_count
+            end += surfaces[name].number_count
             if end + MOTION_FIELDS * len(scene.motions) > most:
-                field, value, remedy = parts[name].too_many()
+                field, value, remedy = surfaces[name].too_many()
                 raise SceneError(field, value, f"{np.dtype(real).name} counts to {most}, and {remedy}")
-            numbers.append(parts[name].numbers(real))
+            numbers.append(surfaces[name].numbers(real))
     return np.concatenate([rows.reshape(-1), *numbers])
 
 

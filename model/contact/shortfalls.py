@@ -7,12 +7,12 @@ vertices trapped in another body.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from softlab.model.contact.particle_parameters import G_DISTANCE, kinds_of_particles, pair_rows
 from softlab.model.contact.surface_parameters import APART, contact_surface
+from softlab.model.core.simulation import Simulation
 from softlab.model.geometry.neighbours import TooMany, close_pairs
 from softlab.model.scene.scene import Scene
 
@@ -183,18 +183,18 @@ def caught_particles(scene: Scene, position: np.ndarray, inverse_mass: np.ndarra
     return count, float(part.min()) if len(part) else None
 
 
-def shortfalls(simulation: Any, position: np.ndarray, inverse_mass: np.ndarray) -> dict[str, Any]:
+def shortfalls(simulation: Simulation, position: np.ndarray, inverse_mass: np.ndarray) -> dict[str, float | None]:
     """Return the faults of a run that ended at `position` (particles, dimensions) [m], `inverse_mass` as in State.
 
     FAULTS, those that the scene can have, 0 if there are none; for particles of bodies also `least_distance`, over the
     contact distance (see `caught_particles`).
     """
     scene = simulation.scene
-    faults: dict[str, Any] = {**simulation.faults(), **element_faults(scene, position, inverse_mass)}
+    faults: dict[str, float | None] = {**simulation.faults(), **element_faults(scene, position, inverse_mass)}
     bodies, place = scene, slice(None)
     if scene.is_world and "bodies" in scene.members:
         bodies, place = scene.members["bodies"], scene.world_set.slices()["bodies"]
     if bodies.bodies and bodies.contact is not None:
         caught, faults["least_distance"] = caught_particles(bodies, position[place], inverse_mass[place])
-        faults["caught"] = faults.get("caught", 0) + caught
+        faults["caught"] = (faults.get("caught") or 0) + caught
     return faults

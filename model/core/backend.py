@@ -65,7 +65,7 @@ class Backend(ABC):
         """Return the longest of the times [s] that the processes took, the same on all of them."""
         return seconds
 
-    def _read_position(self, into: Any) -> Any:
+    def _read_position(self, into: object) -> Any:
         """Read the position into `into` (None: a new host array). A backend with a device overrides this for device
         targets."""
         return written(self._download()[0], into)
@@ -74,14 +74,14 @@ class Backend(ABC):
         """Return the strain of each spring, or of what replaces them, as a new host array."""
         return spring_strain(self.scene, self._download()[0])
 
-    def _read_normal(self, into: Any) -> Any:
+    def _read_normal(self, into: object) -> Any:
         """Read a cloth's normals into `into` (None: a new host array, in the simulation's precision).
 
         Computed on the host in float64; a backend overrides this to compute them on its device.
         """
         return written(self.scene.grid.normals(self._read_position(None)).astype(self.real), into)
 
-    def _pin_velocity(self, step: int) -> Any:
+    def _pin_velocity(self, step: int) -> np.ndarray | float:
         """Return the velocity [m/s] of the pinned masses at the start of step `step`: 0, or that of their motions."""
         return 0
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from softlab.model.base.clock import Clock
+from softlab.model.base.types import Real
 from softlab.model.core.plan import Plan
 from softlab.model.core.sharing.bodies import Apart
 from softlab.model.core.sharing.decomposition import Stencil
@@ -17,7 +18,7 @@ from softlab.model.core.sharing.partitions import SharedMesh
 from softlab.model.scene.scene import Scene
 from softlab.model.tables.motion import RELEASE
 
-Read = Callable[[Any, Any], Any]  # (simulation, into)
+Read = Callable[[Any, object], Any]  # (simulation, into)
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,7 @@ class Field:
     unit: str
     doc: str
     read: Read | None = None
-    check: Callable[[Scene, Any, Any], np.ndarray] | None = None
+    check: Callable[[Scene, object, Real], np.ndarray] | None = None
     download: Callable[[Any], np.ndarray | None] | None = None
     upload: Callable[[Any, np.ndarray | None], None] | None = None
     fault: bool = False
@@ -55,7 +56,7 @@ class Field:
         return self.upload is not None
 
 
-def written(result: Any, into: Any) -> Any:
+def written(result: object, into: Any) -> Any:
     """Return `into` with the values of `result`; `result` itself if `into` is None."""
     if into is None:
         return result
@@ -63,7 +64,7 @@ def written(result: Any, into: Any) -> Any:
     return into
 
 
-def on_host(compute: Callable[[Any], Any]) -> Read:
+def on_host(compute: Callable[[Any], object]) -> Read:
     """Return the `read` of a field that `compute(simulation)` returns as a new host array, or as a number."""
     return lambda simulation, into: written(compute(simulation), into)
 
@@ -163,7 +164,7 @@ class SolverFamily:
     accepts: Callable[[Scene], bool]
     knows: frozenset[str]
     plan: Callable[[Scene, frozenset[str]], Plan]
-    record: Callable[[Scene, Any, tuple[float, ...], Clock], np.ndarray]
+    record: Callable[[Scene, Real, tuple[float, ...], Clock], np.ndarray]
     limit: Callable[[Scene, float | None], float]
     limited_by_net: bool
     note: Callable[[Scene], str]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
@@ -51,7 +50,7 @@ class Options:
                 raise SceneError("live", name, f"must be one of {', '.join(LIVE_PATHS)}")
 
 
-def check_live(scene: Scene, live: Iterable[str], path: str, value: Any) -> None:
+def check_live(scene: Scene, live: Iterable[str], path: str, value: object) -> None:
     """Raise SceneError for a field that is not `live`, or for which the scene has no code."""
     names = [name for name, paths in LIVE_PATHS.items() if path in paths]
     if path in (f"{name}.speed" for name in scene.emitters):

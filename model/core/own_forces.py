@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -40,7 +39,7 @@ class OwnForce:
     part: str
     stage: str
     present: Callable[[Scene, frozenset[str]], bool]
-    force: Callable[..., Any]
+    force: Callable[..., tuple[float, ...]]
     names: tuple[str, ...]
     values: Callable[[Scene, Sequence[float], int], dict[str, float]]
     field: str
@@ -165,17 +164,17 @@ def in_sheet(a, k, weight, parameters, integers, step):
     return before(a, np.int64(k) + np.int64(integers[FIRST]), weight, parameters, integers, step)
 
 
-def accelerated(parts: frozenset[str]) -> Any:
+def accelerated(parts: frozenset[str]) -> Callable[..., tuple[float, ...]]:
     """Return the formula (a, k, weight, parameters, integers, step) -> the acceleration `a` of particle k plus these
     forces. `a`: FEATURE.axes numbers [m/s^2]; `weight`: the sheet's mass over the particle's, where the scene has a
     `load`."""
-    result: Any = unforced
+    result: Callable[..., tuple[float, ...]] = unforced
     for each in particle_forces(parts):
         result = filled(with_force, {"before": result, "force": each.force})
     return filled(in_sheet, {"before": result}) if WINDOW in parts else result
 
 
-def force_flags(axes: int, parts: frozenset[str]) -> dict[str, Any]:
+def force_flags(axes: int, parts: frozenset[str]) -> dict[str, object]:
     """Return the features of the formulas above."""
     return {"axes": axes, "load": "load" in parts}
 

@@ -6,12 +6,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from functools import cache
-from typing import Any
 
 import numpy as np
 
 from softlab.model.base.clock import START, Clock
 from softlab.model.base.errors import SceneError
+from softlab.model.base.table import Part
 from softlab.model.base.types import Real
 from softlab.model.core.integrators import damping_rate
 from softlab.model.core.own_forces import force_fields, force_names, force_values
@@ -103,7 +103,7 @@ def rounded_record(scene: Scene, values: Mapping[str, float], fields: Mapping[st
     return record
 
 
-def require_representable(name: str, part: Any, real: Real) -> None:
+def require_representable(name: str, part: Part, real: Real) -> None:
     """Raise SceneError for the first number of a scene's part that is too large for the arithmetic `real`."""
     largest = float(np.finfo(real).max)
     for field, value in part.model_dump().items():

@@ -252,7 +252,7 @@ class Simulation(Stepping):
         """
         raise SceneError("body", number, NO_BODIES)
 
-    def read(self, name: str, into: Any = None) -> Any:
+    def read(self, name: str, into: object = None) -> Any:
         """Read an output, which is computed when it is asked for. Does not check for divergence.
 
         Parameters
@@ -288,7 +288,7 @@ class Simulation(Stepping):
             raise SceneError("read", name, f"must be one of {', '.join(self.outputs)}")
         return self._read_field(field, into)
 
-    def _read_field(self, field: Field, into: Any) -> Any:
+    def _read_field(self, field: Field, into: object) -> Any:
         """Read a field that is readable; see `Field`, as for the two methods below."""
         assert field.read is not None
         return field.read(self, into)
@@ -317,7 +317,7 @@ class Simulation(Stepping):
         """
         raise SceneError("read", "clusters", NO_BODIES)
 
-    def set(self, path: str, value: Any) -> None:
+    def set(self, path: str, value: object) -> None:
         """Change a live field from the next step on.
 
         Parameters

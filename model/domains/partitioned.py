@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -12,8 +11,11 @@ from softlab.model.core.build import some_of
 from softlab.model.core.families import family_of, scene_plan
 from softlab.model.core.options import Options
 from softlab.model.core.sharing.partitions import Part, Partitions, partition
+from softlab.model.core.simulation import Simulation
 from softlab.model.domains.windows import WindowedSimulation, refuse_targets
+from softlab.model.particles.particle_set import ParticleSet
 from softlab.model.scene.scene import Scene
+from softlab.model.tables.parts import Grid
 
 
 def is_partitioned(scene: Scene, count: int) -> bool:
@@ -62,7 +64,7 @@ class PartitionedBodies(WindowedSimulation):
         self.firsts = [0] * len(parts)
         self._open_windows(cut.count, parts)
 
-    def _window_scene(self, scene: Scene, some: Any) -> Scene:
+    def _window_scene(self, scene: Scene, some: ParticleSet) -> Scene:
         """Return the `scene` with `some` in place of all its bodies, whose step is a substep of it."""
         window = scene.stepped(dt=scene.method.dt / scene.method.substeps, substeps=1)
         return window.with_particles(self.partitions.mesh.attribute, some)
@@ -79,9 +81,11 @@ class PartitionedBodies(WindowedSimulation):
     def _parameters_changed(self) -> None:
         changed, self._sent = self.scene is not self._sent, self.scene
 
-        def send(window: Any, part: Part) -> None:
+        def send(window: Simulation, part: Part) -> None:
             if changed:
-                window.scene = self._window_scene(self.scene, window.scene.grid)
+                particles = window.scene.grid
+                assert not isinstance(particles, Grid)
+                window.scene = self._window_scene(self.scene, particles)
             here = np.flatnonzero(part.particles == self._poke_particle)
             self._hand_on(window, int(here[0]) if len(here) else -1)
 
@@ -105,11 +109,11 @@ class PartitionedBodies(WindowedSimulation):
         bad_of_each = super()._diverged()
         return [bad if bad < 0 else int(part.particles[bad]) for part, bad in zip(self.local, bad_of_each, strict=True)]
 
-    def _pin_velocity(self, step: int) -> Any:
+    def _pin_velocity(self, step: int) -> np.ndarray:
         """Return the velocity of the pins in this process's windows; other processes compute those of theirs."""
         velocity = np.zeros((len(self.body.pinned), 3), self.real)
 
-        def fill(window: Any, part: Part) -> None:
+        def fill(window: Simulation, part: Part) -> None:
             here = np.isin(self.body.pinned, part.particles)
             velocity[here] = window._pin_velocity(step * self.scene.method.substeps)
 

@@ -8,7 +8,8 @@ import time
 from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,12 +17,15 @@ from softlab.model.base.errors import BackendUnavailable, SceneError
 from softlab.model.domains.exchange import PATIENCE
 from softlab.model.domains.launched import launched_ranks
 
+if TYPE_CHECKING:
+    from mpi4py.MPI import Intracomm, Request
+
 INSTALL = "pip install -e \".[mpi]\" in the lab's folder, or the system's MPI and mpi4py"
 POLLS = 1000  # tests of a message before a waiting process yields its core
 NAP = 5e-5  # s
 
 
-def mpi() -> Any:
+def mpi() -> ModuleType:
     """Return mpi4py's MPI. Raises BackendUnavailable."""
     try:
         from mpi4py import MPI
@@ -74,7 +78,7 @@ def lost(who: str, patience: float) -> BackendUnavailable:
     return BackendUnavailable(f"{who} does not answer for {patience:g} s", "see what ended it, and start the run again")
 
 
-def await_request(request: Any, who: str) -> None:
+def await_request(request: Request, who: str) -> None:
     """Return when a request is done. Raises BackendUnavailable after PATIENCE."""
     polls, end = 0, None
     while not request.Test():
@@ -87,7 +91,7 @@ def await_request(request: Any, who: str) -> None:
             time.sleep(NAP)
 
 
-def gather_rows(world: Any, owned: np.ndarray) -> np.ndarray:
+def gather_rows(world: Intracomm, owned: np.ndarray) -> np.ndarray:
     """Return the rows (masses, axes) of all processes in order, from the rows that each process owns."""
     axes = owned.shape[1]
     counts = np.zeros(world.Get_size(), np.int64)
@@ -103,7 +107,7 @@ def gather_rows(world: Any, owned: np.ndarray) -> np.ndarray:
     return whole
 
 
-def largest_of(world: Any, numbers: np.ndarray) -> np.ndarray:
+def largest_of(world: Intracomm, numbers: np.ndarray) -> np.ndarray:
     """Return the elementwise maximum over the processes, (n,) float64."""
     sent = np.ascontiguousarray(numbers, np.float64)
     largest = np.zeros_like(sent)
@@ -111,7 +115,7 @@ def largest_of(world: Any, numbers: np.ndarray) -> np.ndarray:
     return largest
 
 
-def swapped(world: Any, messages: Sequence[np.ndarray]) -> list[np.ndarray]:
+def swapped(world: Intracomm, messages: Sequence[np.ndarray]) -> list[np.ndarray]:
     """Send `messages`, bytes for each process, and return the bytes received from each process."""
     sent, came = np.array([len(message) for message in messages], np.int64), np.zeros(len(messages), np.int64)
     await_request(world.Ialltoall(sent, came), "another process")

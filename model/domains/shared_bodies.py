@@ -94,16 +94,16 @@ class SharedBodies(BodiesSimulation, WindowedSimulation):
     def _parameters_changed(self) -> None:
         changed, self._sent = self.scene is not self._sent, self.scene
 
-        def send(window: Any, block: Block) -> None:
+        def send(window: BodiesSimulation, block: Block) -> None:
             if changed:
-                window.scene = self.scene.with_particles(self._apart.attribute, window.scene.grid)
+                window.scene = self.scene.with_particles(self._apart.attribute, window.scene.body_set)
             here = block.first_particle <= self._poke_particle < block.end_particle
             self._hand_on(window, self._poke_particle - block.first_particle if here else -1)
 
         self._each(send, self.local)
 
     def _weights_changed(self) -> None:
-        def send(window: Any, block: Block) -> None:
+        def send(window: BodiesSimulation, block: Block) -> None:
             window.body = some_of(self.body, block.particles)
             window._weights_changed()
 
@@ -114,13 +114,13 @@ class SharedBodies(BodiesSimulation, WindowedSimulation):
         return self._gathered([one for one, _ in both]), self._gathered([one for _, one in both])
 
     def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
-        def send(window: Any, block: Block) -> None:
+        def send(window: BodiesSimulation, block: Block) -> None:
             particles = block.particles
             window._upload(np.ascontiguousarray(position[particles]), np.ascontiguousarray(velocity[particles]))
 
         self._each(send, self.local)
 
-    def _read_field(self, field: Field, into: Any) -> Any:
+    def _read_field(self, field: Field, into: object) -> Any:
         if field.rows != "clusters":
             return super()._read_field(field, into)
         return written(self._by_cluster(self._each(lambda window: window._read_field(field, None))), into)
@@ -139,11 +139,11 @@ class SharedBodies(BodiesSimulation, WindowedSimulation):
         both = self._each(lambda window: window._read_clusters())
         return self._by_cluster([one for one, _ in both]), self._by_cluster([one for _, one in both])
 
-    def _pin_velocity(self, step: int) -> Any:
+    def _pin_velocity(self, step: int) -> np.ndarray:
         """Return the velocity of the pins in this process's blocks; other processes compute those of theirs."""
         velocity = np.zeros((len(self.body.pinned), 3), self.real)
 
-        def fill(window: Any, block: Block) -> None:
+        def fill(window: BodiesSimulation, block: Block) -> None:
             first, end = np.searchsorted(self.body.pinned, (block.first_particle, block.end_particle))
             velocity[first:end] = window._pin_velocity(step)
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from operator import methodcaller
-from typing import Any
 
 import numpy as np
 
 from softlab.model.base.types import Real
 from softlab.model.core.families import scene_plan
 from softlab.model.core.options import Options, unknown_kernel
+from softlab.model.core.simulation import Simulation
 from softlab.model.domains.slabs import Slabs, fluid_halo_of, slabs_of
 from softlab.model.domains.windows import WindowedSimulation
 from softlab.model.fluid.simulation import FluidSimulation
@@ -128,7 +128,7 @@ class SharedFluid(FluidSimulation, WindowedSimulation):
         self._send(slabs)
 
     def _parameters_changed(self) -> None:
-        def send(window: Any) -> None:
+        def send(window: Simulation) -> None:
             window.scene = self.scene
             self._hand_on(window, self._poke_particle)
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from softlab.model.core.families import family_of, scene_plan
 from softlab.model.core.options import Options
 from softlab.model.core.own_forces import force_features
 from softlab.model.core.sharing.decomposition import Decomposition, Domain, Stencil, decompose
+from softlab.model.core.simulation import Simulation
 from softlab.model.domains.windows import WindowedSimulation
 from softlab.model.scene.scene import Scene
 
@@ -42,7 +42,7 @@ def window_scene(scene: Scene, pinned: np.ndarray, domain: Domain, divided: int 
     first, end = domain.window_first * columns, domain.window_end * columns
     inside = pinned[(pinned >= first) & (pinned < end)] - first
     places = [(int(k) // columns, int(k) % columns) for k in inside]
-    changes: dict[str, Any] = {f"{name}.rows": domain.window_rows, f"{name}.pinned": places or "none"}
+    changes: dict[str, object] = {f"{name}.rows": domain.window_rows, f"{name}.pinned": places or "none"}
     if divided > 1:
         method = scene.method
         changes |= {"method.dt": method.dt / divided, "method.substeps": method.substeps // divided}
@@ -114,7 +114,7 @@ class DecomposedSimulation(WindowedSimulation):
     def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
         columns = self.decomposition.columns
 
-        def send(window: Any, domain: Domain) -> None:
+        def send(window: Simulation, domain: Domain) -> None:
             rows = slice(domain.window_first * columns, domain.window_end * columns)
             window._upload(np.ascontiguousarray(position[rows]), np.ascontiguousarray(velocity[rows]))
 

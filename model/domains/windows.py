@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -16,6 +16,8 @@ from softlab.model.core.options import Options
 from softlab.model.core.simulation import Simulation
 from softlab.model.domains.exchange import Exchange
 from softlab.model.scene.scene import Scene
+
+T = TypeVar("T")
 
 NOBODY = 2**62  # exceeds any particle's number
 
@@ -65,11 +67,11 @@ class WindowedSimulation(Simulation):
         """Return the exchange of the windows, which have been opened."""
         raise NotImplementedError
 
-    def _at(self, place: int) -> AbstractContextManager[Any]:
+    def _at(self, place: int) -> AbstractContextManager[object]:
         """Return the context (the device) for window number `place` of this process."""
         return nullcontext()
 
-    def _each(self, do: Callable[..., Any], beside: Sequence[Any] | None = None) -> list[Any]:
+    def _each(self, do: Callable[..., T], beside: Sequence[object] | None = None) -> list[T]:
         """Return the results of `do(window)` for each of this process, or of `do(window, one)` with one of `beside` for
         each window."""
         results = []
@@ -79,7 +81,7 @@ class WindowedSimulation(Simulation):
                 results.append(do(*arguments))
         return results
 
-    def _hand_on(self, window: Any, poked: int) -> None:
+    def _hand_on(self, window: Simulation, poked: int) -> None:
         """Pass changes to a window in which the poked particle has the number `poked`; -1: it is in another window."""
         window._record, window._clock = self._record, self._clock
         window._poke_particle, window._poke_force = poked, self._poke_force
@@ -122,7 +124,7 @@ class WindowedSimulation(Simulation):
         bad_of_each = self._each(lambda window: window._first_diverged())
         return [bad if bad < 0 else first + bad for first, bad in zip(self.firsts, bad_of_each, strict=True)]
 
-    def _read_field(self, field: Field, into: Any) -> Any:
+    def _read_field(self, field: Field, into: object) -> Any:
         """Return a number of the run as the sum over all windows: of a fluid, particles in several count several
         times."""
         if field.rows != "one":

@@ -14,7 +14,7 @@ from softlab.model.fluid.plan import fluid_plan
 from softlab.model.fluid.shear import shear_lines
 from softlab.model.fluid.speeds import expected_speeds, speed_lines
 from softlab.model.scene.scene import Scene
-from softlab.model.tables.cloth import COLLIDER_KINDS
+from softlab.model.tables.cloth import COLLIDER_KINDS, Collider
 
 SPRINGS = 0.09  # u h / (d sqrt(iterations)) above which the averaged scheme throws drops of the speed u back
 
@@ -81,7 +81,7 @@ def fluid_note(scene: Scene) -> str:
     for name, part in scene.fluids.items():
         if part.surface_tension > 0 and part.cohesion == 0:
             note += f"; {name}.surface_tension without cohesion drives its surface apart"
-    fast = [name for name, part in scene.all_of(*COLLIDER_KINDS).items() if hypot(*part.velocity) > slowest]
+    fast = [name for name, part in scene.parts_of(Collider).items() if hypot(*part.velocity) > slowest]
     if fast:
         note += f"; {' and '.join(fast)} is faster than that: it pushes the fluid on, which lags behind"
     return note

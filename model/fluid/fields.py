@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from softlab.model.base.errors import InputError
 from softlab.model.base.types import Real
 from softlab.model.core.family import STRAIN, Field, counter, fault, on_host
 from softlab.model.fluid.measure import pressures
+from softlab.model.fluid.simulation import FluidSimulation
 from softlab.model.scene.scene import Scene
 from softlab.model.tables.flow import initial_emitter_state
 
 
-def _check_taps(scene: Scene, taps: Any, real: Real) -> np.ndarray:
+def _check_taps(scene: Scene, taps: object, real: Real) -> np.ndarray:
     """Return emitter states, (emitters, 2) float64."""
     array, shape = np.array(taps, np.float64), (len(scene.emitters), 2)
     if array.shape != shape or not np.isfinite(array).all():
@@ -22,7 +21,7 @@ def _check_taps(scene: Scene, taps: Any, real: Real) -> np.ndarray:
     return array
 
 
-def _upload_taps(simulation: Any, taps: np.ndarray | None) -> None:
+def _upload_taps(simulation: FluidSimulation, taps: np.ndarray | None) -> None:
     """Set the emitter states. None: those at the start of the scene."""
     taps = initial_emitter_state(simulation.scene) if taps is None else taps
     if not np.array_equal(taps, simulation._emitter_state):

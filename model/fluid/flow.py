@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from softlab.model.base.types import Real
 from softlab.model.scene.checks.flow import fluid_of
-from softlab.model.tables.flow import NEVER, Emitter, spatial
+from softlab.model.scene.scene import Scene
+from softlab.model.tables.flow import NEVER, spatial
 
 # Row of an emitter:
 EMITTER_FIELDS = 14
@@ -44,7 +43,7 @@ SINK_FIELDS = 8
 SINK_SHAPES = ("box", "sphere", "half-space")
 
 
-def emitter_rows(scene: Any, emitter_state: np.ndarray, real: Real) -> np.ndarray:
+def emitter_rows(scene: Scene, emitter_state: np.ndarray, real: Real) -> np.ndarray:
     """Return the rows of emitters, (emitters, EMITTER_FIELDS), in the arithmetic `real`, in the order of the file."""
     rows, first, fluids = np.zeros((len(scene.emitters), EMITTER_FIELDS)), 0, scene.fluid_set
     for row, (name, part), state in zip(rows, scene.emitters.items(), emitter_state, strict=True):
@@ -57,7 +56,7 @@ def emitter_rows(scene: Any, emitter_state: np.ndarray, real: Real) -> np.ndarra
     return rows.astype(real)
 
 
-def sink_rows(scene: Any, real: Real) -> np.ndarray:
+def sink_rows(scene: Scene, real: Real) -> np.ndarray:
     """Return the rows of sinks, (sinks, SINK_FIELDS), in the arithmetic `real`, in the order of the file."""
     rows = np.zeros((len(scene.sinks), SINK_FIELDS))
     for row, part in zip(rows, scene.sinks.values(), strict=True):
@@ -71,16 +70,16 @@ def sink_rows(scene: Any, real: Real) -> np.ndarray:
     return rows.astype(real)
 
 
-def fluid_starts(scene: Any) -> np.ndarray:
+def fluid_starts(scene: Scene) -> np.ndarray:
     """Return the number of each fluid's first particle, then the number of particles, (fluids + 1,) int64."""
     fluids = scene.fluid_set
     return np.searchsorted(fluids.fluid, np.arange(len(fluids.parts) + 1)).astype(np.int64)
 
 
-def rates(scene: Any, name: str) -> tuple[float, float, int]:
+def rates(scene: Scene, name: str) -> tuple[float, float, int]:
     """Return (m^3/s, particles/s, points of the nozzle) of an emitter at its speed; a plane has a layer one metre
     thick."""
-    part: Emitter = scene.parts[name]
+    part = scene.emitters[name]
     fluids = scene.fluid_set
     points = len(part.nozzle(fluids.spacing, fluids.dimensions))
     each_second = points * part.speed / fluids.spacing

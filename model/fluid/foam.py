@@ -10,8 +10,6 @@ so that the same states give the same points.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -132,7 +130,7 @@ class FoamPoints:
         origin, side = self._sides()
         return np.where(side > 0, origin + (place - origin) % np.where(side > 0, side, 1), place)
 
-    def _boxed(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray, Any]:
+    def _boxed(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
         """Return points and particles in a box that starts at 0, and its sides for a search; None where none
         repeats."""
         origin, side = self._sides()
@@ -167,7 +165,7 @@ class FoamPoints:
         self._set_points(*(np.concatenate(pair)[-most:] for pair in zip(old, (place, moving, left), strict=True)))
         self.kind = np.concatenate([self.kind, np.full(len(each), FOAM, np.int8)])[-most:]
 
-    def _random(self, particle: np.ndarray, turn: Any) -> list[np.ndarray]:
+    def _random(self, particle: np.ndarray, turn: int | np.ndarray) -> list[np.ndarray]:
         """Return four numbers in [0, 1) for each particle (n,), in this frame and `turn`."""
         step = np.uint64(self._frame) | (np.asarray(turn, np.uint64) << np.uint64(32))
         step = np.broadcast_to(step, particle.shape)

@@ -3,13 +3,11 @@ simulated."""
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from softlab.model.geometry.crossings import corners_of, first_crossings
 from softlab.model.scene.scene import Scene
-from softlab.model.tables.cloth import Box, Capsule, Plane, Sphere
+from softlab.model.tables.cloth import Box, Capsule, Collider, Plane, Sphere
 from softlab.model.tables.colliders.distance_field import DistanceField
 from softlab.model.tables.colliders.mesh_collider import MeshCollider
 from softlab.model.tables.colliders.surface_collider import SurfaceCollider
@@ -18,7 +16,7 @@ ROUNDS = 4  # corrections of a point to its side of a mesh, before it stays wher
 GAP = 1e-3  # rest distances from a mesh, where it is put: on a triangle rounding would decide the side
 
 
-def outward(collider: Any, place: np.ndarray, time: float) -> tuple[np.ndarray, np.ndarray] | None:
+def outward(collider: Collider, place: np.ndarray, time: float) -> tuple[np.ndarray, np.ndarray] | None:
     """Return (signed distance (n,) [m], unit normal (n, 3)) of points (n, 3) [m] from a collider at `time` [s].
 
     For a plane, ball, capsule, box or field; None for a mesh, which has no inside.
@@ -106,7 +104,7 @@ def _before_mesh(
     return np.where(touched[:, None], led, place), normal @ turn.T, touched
 
 
-def _wall_velocity(collider: Any, place: np.ndarray, time: float) -> np.ndarray:
+def _wall_velocity(collider: Collider, place: np.ndarray, time: float) -> np.ndarray:
     """Return the collider's velocity at positions (n, 3), (n, 3) [m/s]."""
     velocity = np.asarray(collider.velocity)
     if isinstance(collider, SurfaceCollider):

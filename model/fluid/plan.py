@@ -82,7 +82,6 @@ Where all fluids weigh the same (no part `fluids`), F_ rows are the first one's,
 from __future__ import annotations
 
 from math import pi
-from typing import Any
 
 from softlab.model.base.variant import features_of
 from softlab.model.core.own_forces import force_features, particle_forces
@@ -113,7 +112,7 @@ def periodic_axes(repeats: frozenset[str]) -> dict[str, bool]:
     return {f"periodic_{axis}": axis in repeats for axis in "xyz"}
 
 
-def fluid_features(parts: frozenset[str], repeats: frozenset[str] = frozenset()) -> dict[str, Any]:
+def fluid_features(parts: frozenset[str], repeats: frozenset[str] = frozenset()) -> dict[str, int]:
     """Return the features of a fluid's kernels (model/base/variant.py). `repeats`: axes that are periodic."""
     more = {
         "axes": 2 if "flat" in parts else 3,
@@ -123,7 +122,7 @@ def fluid_features(parts: frozenset[str], repeats: frozenset[str] = frozenset())
         "shapes": bool(parts & SHAPES),
         "smoothing": bool(parts & SMOOTHING),
     }
-    return features_of(parts) | more | periodic_axes(repeats)
+    return {**features_of(parts), **more, **periodic_axes(repeats)}
 
 
 def fluid_parts(scene: Scene, live: frozenset[str] = frozenset(), solids: bool = False) -> frozenset[str]:

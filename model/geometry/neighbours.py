@@ -5,13 +5,16 @@ The tree only proposes; distances are computed here, pairs are sorted, so that t
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from softlab.model.base.errors import InputError
 from softlab.model.base.waiting import steps
 from softlab.model.geometry.arithmetic.ordered import norm
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
 
 MAX_PAIRS = 2**26  # kept together: 2 GiB
 FIRST_BLOCK = 1 << 10  # darts thrown together at first
@@ -41,7 +44,7 @@ def pairs_within(queries: np.ndarray, points: np.ndarray, radius: float) -> tupl
     return query[order], point[order], distance[order]
 
 
-def _tree(points: np.ndarray) -> Any:
+def _tree(points: np.ndarray) -> cKDTree:
     from scipy.spatial import cKDTree  # a tenth of a second, for those who make bodies
 
     return cKDTree(points)

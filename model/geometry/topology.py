@@ -6,12 +6,13 @@ import hashlib
 from functools import lru_cache
 from importlib import resources
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
 from softlab.model.base.errors import InputError, SceneError
 from softlab.model.base.memory import require_sheet
+from softlab.model.base.pins import MeshPins
 from softlab.model.geometry.arithmetic.ordered import mean
 from softlab.model.geometry.measures import edge_lengths, triangle_areas
 from softlab.model.geometry.mesh import TriangleMesh, read_mesh, triangle_mesh
@@ -31,11 +32,14 @@ class MeshPart(Protocol):
     rows: int
     columns: int
     spacing: float
-    diagonals: Any  # one of its words
-    placement: Any
     density: float | None
     mass: float
-    pinned: Any
+    pinned: MeshPins
+
+    @property
+    def diagonals(self) -> str: ...
+    @property
+    def placement(self) -> str: ...
 
 
 def bundled_meshes() -> dict[str, Path]:
@@ -97,10 +101,10 @@ def _sheet(rows: int, columns: int, spacing: float, diagonals: str, placement: s
     return triangle_mesh(position.reshape(-1, 3), sheet_triangles(rows, columns, diagonals))
 
 
-def describe(part: MeshPart) -> dict[str, Any]:
+def describe(part: MeshPart) -> dict[str, object]:
     """Return the fields of a part that follow from its mesh. Raises InputError (the file), SceneError (not that file,
     pins)."""
-    derived: dict[str, Any] = {}
+    derived: dict[str, object] = {}
     if part.file is not None:
         mesh, path = mesh_of(part), mesh_path(part.file)
         stamp = path.stat()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any
 
 from softlab.model.base.variant import features_of
 from softlab.model.contact.sheet_plan import WIND, Stages, particle_force_stages, present_parts
@@ -15,7 +14,7 @@ from softlab.model.formulas import springs
 from softlab.model.scene.scene import Scene
 
 
-def sheet_features(integrator: str, parts: frozenset[str]) -> dict[str, Any]:
+def sheet_features(integrator: str, parts: frozenset[str]) -> dict[str, object]:
     """Return the features of the kernels of a sheet's `parts`."""
     return {
         **features_of(parts), "changing": particle_forces_change(parts), "damped": "damping" in parts,

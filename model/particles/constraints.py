@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from types import ModuleType
-from typing import Any
 
 import numpy as np
 
@@ -55,7 +54,7 @@ class Projection:
         return self.corners if self.moves is None else self.moves
 
     @property
-    def features(self) -> dict[str, Any]:
+    def features(self) -> dict[str, object]:
         """Features of the executor's variant (model/base/variant.py), and of the projection's formulas."""
         words = ("name_of_compliance", "name_of_damping", "name_of_stiffening")
         return dict(zip(words, self.constants or (False,) * 3, strict=True)) | {

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -14,7 +13,11 @@ from softlab.model.base.pins import pin_indices
 from softlab.model.geometry.arithmetic.ordered import mean
 from softlab.model.geometry.particle_row import ParticleRow
 from softlab.model.geometry.topology import mesh_of, pinned_vertices, vertex_masses
+from softlab.model.particles.body_set import BodySet
+from softlab.model.particles.fluid_set import FluidSet
+from softlab.model.particles.tetrahedra_set import TetrahedraSet
 from softlab.model.tables.mesh import Mesh
+from softlab.model.tables.parts import Grid
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +58,7 @@ class WorldSet(ParticleRow):
         return {name: slice(*self.first[k : k + 2].tolist()) for k, name in enumerate(self.names)}
 
 
-def make_world_set(members: Mapping[str, Any]) -> WorldSet:
+def make_world_set(members: Mapping[str, Grid | BodySet | TetrahedraSet | FluidSet | WorldSet]) -> WorldSet:
     """Return the set of the members' own sets, by name. Raises SceneError where there are too many particles."""
     counts = [one.particle_count for one in members.values()]
     if sum(counts) > MAX_PARTICLES:
@@ -68,14 +71,14 @@ def make_world_set(members: Mapping[str, Any]) -> WorldSet:
     return WorldSet(tuple(members), first, position, velocity, masses, pinned, spacing)
 
 
-def _of(part: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def _of(
+    part: Grid | BodySet | TetrahedraSet | FluidSet | WorldSet,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return (position, velocity, masses, pinned) of a member's particles."""
     if isinstance(part, Mesh):
         position = mesh_of(part).position + part.origin
-        pinned = (
-            pin_indices(part.pinned, part.rows, part.columns)  # type: ignore[arg-type]
-            if part.file is None
-            else pinned_vertices(part)
-        )
+        by_rows = part.file is None
+        pinned = pin_indices(part.pinned, part.rows, part.columns) if by_rows else pinned_vertices(part)
         return position, np.zeros_like(position), vertex_masses(part), pinned
+    assert not isinstance(part, Grid)
     return part.position, part.velocity, part.masses, part.pinned_vertices

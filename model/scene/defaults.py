@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from softlab.model.scene.members import members_of
 from softlab.model.scene.scene_parts import SceneParts
 from softlab.model.tables.method import OF_FLUIDS, OF_WORLDS, Method
 
-OF_A_FLUID: dict[str, Any] = {"dt": 1 / 60, "substeps": 4, "iterations": 10}
+OF_A_FLUID: dict[str, float] = {"dt": 1 / 60, "substeps": 4, "iterations": 10}
 SOLVERS = {"world": OF_WORLDS, "fluids": OF_FLUIDS, "tetrahedra": "xpbd", "bodies": "shape-matching"}  # by content
 
 
 def take_method_defaults(scene: SceneParts) -> None:
     """Give the scene a method, if it states none, and one for fluids the fields that it does not state."""
     has_fluid = scene.content == "fluids" or "fluid" in members_of(scene.kinds)
-    usual, method = OF_A_FLUID if has_fluid else {}, scene.one("method")
+    usual, method = OF_A_FLUID if has_fluid else {}, scene.one(Method)
     solver = SOLVERS.get(scene.content)
     if method is None:
         stated = Method() if solver is None else Method(solver=solver)

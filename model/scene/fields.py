@@ -4,7 +4,7 @@ them."""
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal, get_args, get_origin
+from typing import Literal, get_args, get_origin
 
 from annotated_types import Ge, Gt, Le
 from pydantic.fields import FieldInfo
@@ -64,7 +64,7 @@ def rows_of(kind: str) -> list[Row]:
 def _default(field: FieldInfo) -> str:
     if field.is_required():
         return REQUIRED
-    value: Any = field.get_default(call_default_factory=True)
+    value: object = field.get_default(call_default_factory=True)
     if value is None:
         return "none"
     if isinstance(value, bool):
@@ -79,29 +79,31 @@ def _allowed(field: FieldInfo) -> str:
     marks = marks_of(field)
     bounds = [f"> {_number(m.gt)}" for m in marks if isinstance(m, Gt)]
     bounds += [f">= {_number(m.ge)}" for m in marks if isinstance(m, Ge)]
-    bounds += [f"<= {_number(m.le)}" for m in marks if isinstance(m, Le) and m.le < WIDE]  # type: ignore[operator]
+    bounds += [
+        f"<= {_number(m.le)}" for m in marks if isinstance(m, Le) and isinstance(m.le, int | float) and m.le < WIDE
+    ]
     words = [str(word) for word in _leaves(field.annotation)]
     return ", ".join(dict.fromkeys(bounds or words))
 
 
-def _number(value: Any) -> str:
+def _number(value: object) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def marks_of(field: FieldInfo) -> list[Any]:
+def marks_of(field: FieldInfo) -> list[object]:
     """Return the bounds of a field, including those within its annotation: of `Positive | None`, of a list's numbers."""
     return [*field.metadata, *_marks(field.annotation)]
 
 
-def _marks(annotation: Any) -> list[Any]:
-    marks: list[Any] = []
+def _marks(annotation: object) -> list[object]:
+    marks: list[object] = []
     for part in get_args(annotation):
         marks += part.metadata if isinstance(part, FieldInfo) else [part] if isinstance(part, Ge | Gt | Le) else []
         marks += _marks(part)
     return marks
 
 
-def _leaves(annotation: Any) -> list[Any]:
+def _leaves(annotation: object) -> list[object]:
     """Return the values of all literals within an annotation."""
     if not get_args(annotation):
         return []

@@ -5,9 +5,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from softlab.model.base.errors import SceneError
+from softlab.model.base.table import Table, Tables
 from softlab.model.tables.bodies import BODY_KINDS
 from softlab.model.tables.cloth import COLLIDER_KINDS, CONSTRAINT_KINDS
 from softlab.model.tables.method import FIELDS_OF_SOLVER, OF_FLUIDS, OF_WORLDS, Method
@@ -61,7 +61,7 @@ def members_of(kinds: Mapping[str, str]) -> tuple[str, ...]:
     return tuple(names) if len(names) > 1 else ()
 
 
-def member_tables(kinds: Mapping[str, str], tables: Mapping[str, Any], method: Method) -> dict[str, dict[str, Any]]:
+def member_tables(kinds: Mapping[str, str], tables: Tables, method: Method) -> dict[str, Table]:
     """Return the tables of each member's scene.
 
     `tables`: those of the world, with their kinds, defaults filled in. Raises SceneError for one that belongs to no
@@ -77,8 +77,8 @@ def member_tables(kinds: Mapping[str, str], tables: Mapping[str, Any], method: M
     return {name: _tables_of(MEMBERS[name], kinds, tables, method) for name in names}
 
 
-def _tables_of(member: Member, kinds: Mapping[str, str], tables: Mapping[str, Any], method: Method) -> dict[str, Any]:
-    selected: dict[str, Any] = {}
+def _tables_of(member: Member, kinds: Mapping[str, str], tables: Tables, method: Method) -> Table:
+    selected: Table = {}
     solver = method.tetrahedra if member is TETRAHEDRA else member.solver
     for name, kind in kinds.items():
         if kind == "method":
@@ -95,7 +95,7 @@ def _tables_of(member: Member, kinds: Mapping[str, str], tables: Mapping[str, An
     return selected
 
 
-def _may_collide(member: Member, kinds: Mapping[str, str], tables: Mapping[str, Any]) -> bool:
+def _may_collide(member: Member, kinds: Mapping[str, str], tables: Tables) -> bool:
     """Return True if parts of a member may collide: for tetrahedra, several bodies, a cloth, or a body with
     self-collision."""
     if member is not TETRAHEDRA:

@@ -9,10 +9,10 @@ from collections.abc import Mapping
 from functools import cache
 from importlib import resources
 from pathlib import Path
-from typing import Any
 
 from softlab.model.base.errors import InputError, SceneError, shown
 from softlab.model.base.files import is_there, read_text
+from softlab.model.base.table import Table, Tables
 from softlab.model.base.words import suggestion
 from softlab.model.geometry.mesh_files import FORMATS
 from softlab.model.geometry.topology import bundled_meshes, is_file
@@ -31,7 +31,7 @@ def catalogue() -> Mapping[str, Path]:
     return {file.relative_to(root).with_suffix("").as_posix(): file for file in sorted(root.rglob("*.toml"))}
 
 
-def scene_tables(name_or_path: str | Path) -> tuple[dict[str, Any], str]:
+def scene_tables(name_or_path: str | Path) -> tuple[Table, str]:
     """Return (tables, name) of a catalogue name (`lab-grid`) or of a TOML file, with the paths of its meshes (see
     `with_meshes`).
 
@@ -67,7 +67,7 @@ def scene_tables(name_or_path: str | Path) -> tuple[dict[str, Any], str]:
     return with_meshes(data, path.parent), text if text in known else path.stem
 
 
-def with_meshes(tables: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+def with_meshes(tables: Tables, folder: Path) -> Table:
     """Return the tables of a scene in `folder`, with absolute paths of its meshes.
 
     So the scene can be read from anywhere when it is written elsewhere (a store, a trajectory, another scene file). A
@@ -98,7 +98,7 @@ def _resolved(field: str, file: str, folder: Path) -> str:
     raise InputError(f"{field} = {file}: no such file: {places}; the lab's own meshes: {', '.join(bundled)}")
 
 
-def tables_of(text: str) -> dict[str, Any]:
+def tables_of(text: str) -> Table:
     """Return the tables of a TOML text.
 
     Raises ValueError, with the fault and its place: tomllib.TOMLDecodeError, or a value that TOML allows and Python
@@ -116,7 +116,7 @@ def tables_of(text: str) -> dict[str, Any]:
         raise ValueError(f"a whole number of thousands of digits{place}; give a shorter one") from None
 
 
-def parse_value(text: str) -> Any:
+def parse_value(text: str) -> object:
     """Return the value of `--set key=value`: read as TOML (numbers, true, lists), else as a plain word."""
     try:
         parsed = tables_of(f"value = {text}")
@@ -125,9 +125,9 @@ def parse_value(text: str) -> Any:
         return text
 
 
-def parse_settings(settings: list[str] | None) -> dict[str, Any]:
+def parse_settings(settings: list[str] | None) -> dict[str, object]:
     """Return `["grid.rows=64", ...]` as {path: value}. Raises SceneError where the equals sign is missing."""
-    changes: dict[str, Any] = {}
+    changes: dict[str, object] = {}
     for setting in settings or []:
         path, equals, text = setting.partition("=")
         if not equals or not path.strip():

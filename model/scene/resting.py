@@ -15,10 +15,11 @@ from softlab.model.geometry.arithmetic.functions import power
 from softlab.model.geometry.arithmetic.ordered import mean
 from softlab.model.scene.members import SUBSTEPS
 from softlab.model.scene.scene_parts import SceneParts
-from softlab.model.tables.bodies import BODY_KINDS
-from softlab.model.tables.cloth import COLLIDER_KINDS
-from softlab.model.tables.fluid import AMONG_BODIES
-from softlab.model.tables.tetrahedra import TETRAHEDRAL_KINDS
+from softlab.model.tables.bodies import BODY_KINDS, Placed
+from softlab.model.tables.cloth import COLLIDER_KINDS, Collider
+from softlab.model.tables.fluid import AMONG_BODIES, Fluid
+from softlab.model.tables.method import Method
+from softlab.model.tables.tetrahedra import TETRAHEDRAL_KINDS, TetrahedralBody
 
 SINKING = 0.01  # of the spacing: how far a resting body may sink in a substep
 MIN_THICKNESS = 0.01  # of the spacing, of a collider: rounding does not put a resting particle inside
@@ -67,13 +68,13 @@ def take_resting_defaults(scene: SceneParts) -> None:
     """
     _take_supports(scene)
     unstated = {
-        name: part for name, part in scene.all_of(*COLLIDER_KINDS).items() if "thickness" not in part.model_fields_set
+        name: part for name, part in scene.parts_of(Collider).items() if "thickness" not in part.model_fields_set
     }
     if unstated and scene.all_of(*BODY_KINDS, *TETRAHEDRAL_KINDS):
         thickness = None if scene.is_world else _thickness(scene)
         for name, part in unstated.items():
             scene.derive(name, {"thickness": part.thickness if thickness is None else thickness})
-    method = scene.one("method")
+    method = scene.one(Method)
     if method is None or "substeps" in method.model_fields_set or method.solver not in WITH_SUBSTEPS:
         return
     if not scene.all_of(*BODY_KINDS, *TETRAHEDRAL_KINDS) or scene.all_of("fluid"):
@@ -84,7 +85,7 @@ def take_resting_defaults(scene: SceneParts) -> None:
 
 def _take_supports(scene: SceneParts) -> None:
     """Set the support of fluids among bodies, if none is stated, to one at which bodies rise and sink freely."""
-    fluids = scene.all_of("fluid")
+    fluids = scene.parts_of(Fluid)
     if scene.all_of(*BODY_KINDS, *TETRAHEDRAL_KINDS) and all(part.support is None for part in fluids.values()):
         for name, part in fluids.items():
             scene.derive(name, {"support": AMONG_BODIES * part.rest_distance})
@@ -154,11 +155,11 @@ def _thickness(scene: SceneParts) -> float:
 
 def _sizes(scene: SceneParts) -> Iterator[_Size]:
     """Yield the sizes of all bodies. Raises SceneError, InputError, which name the body."""
-    for name, part in scene.all_of(*BODY_KINDS, *TETRAHEDRAL_KINDS).items():
+    for name, part in scene.parts.items():
         try:
-            if scene.kinds[name] in BODY_KINDS:
+            if isinstance(part, Placed):
                 yield _size_of_particles(name, part.count + part.spare, part.baked)
-            else:
+            elif isinstance(part, TetrahedralBody):
                 mesh = part.cooked.mesh
                 spacing = float(power(6 * mean(mesh.volumes), 1 / 3))
                 yield _Size(name, 1, spacing, float(np.ptp(mesh.position, axis=0).max()), 0.0)

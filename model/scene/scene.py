@@ -6,14 +6,14 @@ part that is not there is not simulated: it has no stage, no array and no branch
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from copy import copy
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 from softlab.model.base.clock import UNSEEN
 from softlab.model.base.errors import SceneError
+from softlab.model.base.table import Tables
 from softlab.model.base.words import suggestion
 from softlab.model.particles.particle_set import ParticleSet
 from softlab.model.scene.checks.fit import check_fit, check_members
@@ -25,7 +25,7 @@ from softlab.model.scene.resting import take_resting_defaults
 from softlab.model.scene.scene_parts import SceneParts
 from softlab.model.tables.kinds import KINDS, REMOVED, SEVERAL, SHEETS
 from softlab.model.tables.method import FIELDS_OF_SOLVER
-from softlab.model.tables.motion import RELEASE, Release
+from softlab.model.tables.motion import Release
 from softlab.model.tables.parts import CAMERA, CameraPart
 from softlab.model.tables.tank import TANK, Tank
 
@@ -50,7 +50,7 @@ class Scene(SceneParts):
 
     _whole: Scene | None = None
 
-    def __init__(self, data: Mapping[str, Any], name: str = "scene"):
+    def __init__(self, data: Tables, name: str = "scene"):
         tables = dict(data)
         title = tables.pop("title", name)
         if not isinstance(title, str):
@@ -88,7 +88,7 @@ class Scene(SceneParts):
         _ = self.phases  # made here, so that each is checked as a scene of its own
 
     @classmethod
-    def stored(cls, tables: Mapping[str, Any]) -> Scene:
+    def stored(cls, tables: Tables) -> Scene:
         """Return a scene for reading, from the tables that `canonical` wrote when it was measured.
 
         Checks between parts, which passed then, are not repeated, and no body is made. Raises SceneError for a part
@@ -107,7 +107,7 @@ class Scene(SceneParts):
     def phases(self) -> tuple[tuple[float, Scene], ...]:
         """The scenes between releases: (time [s], scene from then on) of each time at which pins are released,
         ascending. Raises SceneError for a release that unpins nothing or leaves a scene that cannot be simulated."""
-        releases: dict[str, Release] = self.all_of(RELEASE)
+        releases = self.parts_of(Release)
         phases: list[tuple[float, Scene]] = []
         for time in sorted({release.time for release in releases.values()}):
             over = sorted((name for name, one in releases.items() if one.time <= time), key=lambda n: releases[n].time)
@@ -128,7 +128,7 @@ class Scene(SceneParts):
         begun = time + UNSEEN * whole.method.dt
         return next((scene for begin, scene in reversed(whole.phases) if begun >= begin), whole)
 
-    def stepped(self, **fields: Any) -> Scene:
+    def stepped(self, **fields: object) -> Scene:
         """Return this scene, with its cached bodies, with other `fields` of the method, which are not validated
         again."""
         _ = self.grid  # built once, for both
@@ -149,7 +149,7 @@ class Scene(SceneParts):
         changed.__dict__.update({"grid": particles, attribute: particles})
         return changed
 
-    def replace(self, changes: Mapping[str, Any]) -> Scene:
+    def replace(self, changes: Mapping[str, object]) -> Scene:
         """Return a new, validated scene with some fields replaced.
 
         Parameters
@@ -193,7 +193,7 @@ class Scene(SceneParts):
         return Scene(tables, self.name)
 
 
-def _contradicted(kind: str, field: str, value: Any, table: Mapping[str, Any]) -> list[str]:
+def _contradicted(kind: str, field: str, value: object, table: Iterable[str]) -> list[str]:
     """Return the fields of a part that become invalid when `field` gets a `value`: a solver has its own fields."""
     if kind == "method" and field == "solver" and isinstance(value, str) and value in FIELDS_OF_SOLVER:
         return [name for name in table if name not in FIELDS_OF_SOLVER[value]]

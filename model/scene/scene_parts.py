@@ -9,12 +9,12 @@ import json
 import re
 from collections.abc import Collection, Mapping
 from functools import cached_property
-from typing import Any, Self
+from typing import Any, Generic, NoReturn, Self, TypeVar
 
 from pydantic import ValidationError
 
 from softlab.model.base.errors import InputError, SceneError
-from softlab.model.base.table import Part
+from softlab.model.base.table import Part, Table, Tables
 from softlab.model.base.words import scene_error, suggestion
 from softlab.model.particles.body_set import BodySet, Copy, make_body_set
 from softlab.model.particles.fluid_set import FluidSet, make_fluid_set
@@ -58,8 +58,10 @@ from softlab.model.tables.tank import TANK, Tank
 from softlab.model.tables.tetrahedra import TETRAHEDRAL_KINDS, Material, TetrahedralBody
 from softlab.model.tables.xpbd import Attachments, Load
 
+P = TypeVar("P", bound=Part)
 
-def _build_part(name: str, part_class: Any, fields: dict[str, Any]) -> Any:
+
+def _build_part(name: str, part_class: type[P], fields: Table) -> P:
     """Return the part of class `part_class` with these fields. Raises SceneError or InputError that name the part."""
     try:
         return part_class(**fields)
@@ -75,19 +77,35 @@ def _build_part(name: str, part_class: Any, fields: dict[str, Any]) -> Any:
         raise SceneError(name, sorted(map(str, fields)), "its keys must be names") from None
 
 
-def _part(kind: str) -> Any:
-    """Return a property: the scene's part of a kind that occurs at most once, or None."""
-    return property(lambda scene: scene.one(kind))
+class _Lookup(Generic[P]):
+    """Base of the properties of a scene that look up its parts of a class."""
+
+    def __init__(self, part_class: type[P]):
+        self.part_class = part_class
+
+    def __set__(self, scene: SceneParts, value: object) -> NoReturn:
+        raise AttributeError("the parts of a scene cannot be replaced; use Scene.replace")
 
 
-def _parts(*kinds: str) -> Any:
-    """Return a property: the scene's parts of these kinds, by name."""
-    return property(lambda scene: scene.all_of(*kinds))
+class _One(_Lookup[P]):
+    """The part that occurs at most once, or None."""
+
+    def __get__(self, scene: SceneParts, owner: type) -> P | None:
+        return scene.one(self.part_class)
 
 
-def _direct_parts(*kinds: str) -> Any:
-    """Return a property: the scene's parts of these kinds, by name; none in a world."""
-    return property(lambda scene: scene.direct_parts(*kinds))
+class _Parts(_Lookup[P]):
+    """All parts by name, in the order of the file."""
+
+    def __get__(self, scene: SceneParts, owner: type) -> dict[str, P]:
+        return scene.parts_of(self.part_class)
+
+
+class _DirectParts(_Lookup[P]):
+    """All parts by name; none in a world, whose members have them."""
+
+    def __get__(self, scene: SceneParts, owner: type) -> dict[str, P]:
+        return scene.direct_parts(self.part_class)
 
 
 class SceneParts:
@@ -97,12 +115,12 @@ class SceneParts:
     Raises SceneError for a table that is not a valid part.
     """
 
-    def __init__(self, tables: Mapping[str, Any], name: str, title: str | None = None):
+    def __init__(self, tables: Tables, name: str, title: str | None = None):
         self.name, self.title = name, name if title is None else title
         self.derived: dict[str, frozenset[str]] = {}  # fields by part that the tables do not state
         self._read(tables)
 
-    def _read(self, tables: Mapping[str, Any]) -> None:
+    def _read(self, tables: Tables) -> None:
         """Read the parts and their kinds. Each part is checked on its own."""
         self.parts: dict[str, Part] = {}
         self.kinds: dict[str, str] = {}
@@ -137,12 +155,12 @@ class SceneParts:
             self.parts[part_name] = _build_part(part_name, KINDS[kind], fields)
             self.kinds[part_name] = kind
 
-    def derive(self, part_name: str, fields: Mapping[str, Any]) -> None:
+    def derive(self, part_name: str, fields: Mapping[str, object]) -> None:
         """Give a part `fields` that its table does not state; `as_dict` omits them, so that they follow changes."""
         self.parts[part_name] = self.parts[part_name].model_copy(update=fields)
         self.derived[part_name] = self.derived.get(part_name, frozenset()) | frozenset(fields)
 
-    def _add_planes(self, name: str, tank: Tank, tables: Mapping[str, Any]) -> None:
+    def _add_planes(self, name: str, tank: Tank, tables: Tables) -> None:
         """Read a tank as its planes. Raises SceneError where a table already has the name of one."""
         self.tanks[name] = tank
         kinds = {table.get("kind", key) for key, table in tables.items() if isinstance(table, Mapping)}
@@ -154,15 +172,23 @@ class SceneParts:
                 )
             self.parts[plane], self.kinds[plane] = part, "plane"
 
-    def all_of(self, *kinds: str) -> dict[str, Any]:
+    def parts_of(self, part_class: type[P]) -> dict[str, P]:
+        """Return the parts of a class, by name, in the order of the file."""
+        return {name: part for name, part in self.parts.items() if isinstance(part, part_class)}
+
+    def direct_parts(self, part_class: type[P]) -> dict[str, P]:
+        """Return the parts as by `parts_of`; none in a world, whose members have them."""
+        return {} if self.is_world else self.parts_of(part_class)
+
+    def one(self, part_class: type[P]) -> P | None:
+        """Return the part of a class that occurs at most once, or None."""
+        return next((part for part in self.parts.values() if isinstance(part, part_class)), None)
+
+    def all_of(self, *kinds: str) -> dict[str, Part]:
         """Return the parts of these kinds by name, in the order of the file."""
         return {name: self.parts[name] for name, kind in self.kinds.items() if kind in kinds}
 
-    def one(self, kind: str) -> Any:
-        """Return the part of a kind that occurs at most once, or None."""
-        return next((self.parts[name] for name, known in self.kinds.items() if known == kind), None)
-
-    def value(self, path: str, default: Any = None) -> Any:
+    def value(self, path: str, default: object = None) -> Any:
         """Return the value of the field `part.field`; `default` where there is none."""
         name, _, field = path.partition(".")
         return getattr(self.parts.get(name), field, default)
@@ -188,8 +214,7 @@ class SceneParts:
             return self.tetrahedra_set
         if self.fluids:
             return self.fluid_set
-        sheet: Grid | None = self.cloth or self.one("grid")
-        return sheet or self.body_set
+        return self.one(Grid) or self.body_set
 
     @property
     def sheet(self) -> Grid:
@@ -217,7 +242,7 @@ class SceneParts:
         if not self.is_world:
             return {}
         tables = self.as_dict()
-        for name, part in self.all_of("fluid").items():
+        for name, part in self.parts_of(Fluid).items():
             tables[name]["support"] = part.support  # among bodies derived, which its member has none of
         tables = member_tables(self.kinds, tables, self.method)
         return {name: type(self)(direct_parts, self.name) for name, direct_parts in tables.items()}
@@ -226,10 +251,6 @@ class SceneParts:
     def world_set(self) -> WorldSet:
         """All particles of a world, one member after the other."""
         return make_world_set({name: member.grid for name, member in self.members.items()})
-
-    def direct_parts(self, *kinds: str) -> dict[str, Any]:
-        """Return the parts as by `all_of`; none in a world, whose members have them."""
-        return {} if self.is_world else self.all_of(*kinds)
 
     @cached_property
     def body_set(self) -> BodySet:
@@ -253,7 +274,7 @@ class SceneParts:
         """All tetrahedral bodies together and the cloth beside them, made on first use. Raises SceneError, InputError
         (a body)."""
         return make_tetrahedra_set(
-            self.tetrahedra, self.regions, self.attachment_parts, self.materials, self.all_of("mesh")
+            self.tetrahedra, self.regions, self.attachment_parts, self.materials, self.parts_of(Mesh)
         )
 
     @property
@@ -269,12 +290,12 @@ class SceneParts:
     @cached_property
     def mesh(self) -> Mesh | None:
         """The cloth of triangles."""
-        return next(iter(self.direct_parts("mesh").values()), None)
+        return None if self.is_world else self.one(Mesh)
 
     @cached_property
     def cloth(self) -> Cloth | None:
         """The sheet in space: rows and columns, or a mesh."""
-        return self.one("cloth") or self.mesh
+        return None if self.is_world else self.one(Cloth)
 
     @cached_property
     def dimensions(self) -> int:
@@ -286,24 +307,27 @@ class SceneParts:
     @property
     def cloth_springs(self) -> dict[str, ClothSprings]:
         """The cloth's springs by kind, in the order structural, shear, bending."""
-        return {kind: part for kind in SPRING_KINDS if (part := self.one(kind)) is not None}
+        springs = self.parts_of(ClothSprings)
+        return {kind: part for kind in SPRING_KINDS if (part := springs.get(self.name_of(kind))) is not None}
 
     @property
     def constraints(self) -> dict[str, Elastic]:
         """The constraints of a mesh by kind, in the order of CONSTRAINT_KINDS; of a cloth its springs."""
-        return {kind: part for kind in CONSTRAINT_KINDS if (part := self.one(kind)) is not None}
+        elastic = self.parts_of(Elastic)
+        return {kind: part for kind in CONSTRAINT_KINDS if (part := elastic.get(self.name_of(kind))) is not None}
 
     @property
     def colliders(self) -> list[tuple[str, Collider]]:
         """(kind, collider), planes first, then spheres, capsules, boxes, meshes and fields, each in the order of the file."""
-        return [(kind, part) for kind in COLLIDER_KINDS for part in self.all_of(kind).values()]
+        colliders = self.parts_of(Collider)
+        return [(kind, part) for kind in COLLIDER_KINDS for name, part in colliders.items() if self.kinds[name] == kind]
 
     @property
     def motions(self) -> dict[str, Motion]:
         """The motions of pinned masses, by the part's name, including attachments to a moving collider."""
-        motions: dict[str, Motion] = self.all_of("motion")
+        motions, colliders = self.parts_of(Motion), self.parts_of(Collider)
         for name, part in self.attachment_parts.items():
-            collider: Any = self.parts.get(part.to or "")
+            collider = colliders.get(part.to or "")
             motion = motion_with(part, collider) if pins(part, self.holdable) and collider else None
             if motion is not None:
                 motions[name] = motion
@@ -312,39 +336,43 @@ class SceneParts:
     @property
     def holdable(self) -> dict[str, Part]:
         """The parts that can be attached, by name: tetrahedral bodies, then a cloth beside them."""
-        return self.tetrahedra | self.direct_parts("mesh")
+        return {**self.tetrahedra, **self.direct_parts(Mesh)}
 
     # Parts by name, in the order of the file; those of a family are the members' in a world.
-    attachment_parts: dict[str, Attachment] = _direct_parts(
-        "attachment"
-    )  # of bodies and a cloth to the world, colliders and one another
-    bodies: dict[str, Placed] = _direct_parts(*BODY_KINDS)  # soft and rigid
-    emitters: dict[str, Emitter] = _parts("emitter")
-    fluids: dict[str, Fluid] = _direct_parts("fluid")
-    loads: dict[str, Load] = _parts("load")  # masses that differ from the sheet's
-    materials: dict[str, Material] = _parts("material")  # of tetrahedra in regions
-    regions: dict[str, Region] = _parts("region")  # of tetrahedral bodies
-    sinks: dict[str, Sink] = _parts("sink")
-    tetrahedra: dict[str, TetrahedralBody] = _direct_parts(*TETRAHEDRAL_KINDS)
+    attachment_parts = _DirectParts(Attachment)  # of bodies and a cloth to the world, colliders and one another
+    bodies = _DirectParts(Placed)  # soft and rigid
+    emitters = _Parts(Emitter)
+    fluids = _DirectParts(Fluid)
+    loads = _Parts(Load)  # masses that differ from the sheet's
+    materials = _Parts(Material)  # of tetrahedra in regions
+    regions = _Parts(Region)  # of tetrahedral bodies
+    sinks = _Parts(Sink)
+    tetrahedra = _DirectParts(TetrahedralBody)
 
-    attachments: Attachments | None = _part("attachments")
-    contact: Contact | None = _part("contact")  # collisions between bodies
-    damping: Damping | None = _part("damping")
-    domain: Domain | None = _part("domain")
-    external: External | None = _part("external")
-    foam: Foam | None = _part("foam")
-    fold: Fold | None = _part("fold")
-    gravity: Gravity | None = _part("gravity")
-    method: Method = _part("method")
-    perturbation: Perturbation | None = _part("perturbation")
-    self_collision: SelfCollision | None = _part("self_collision")
-    springs: Springs | None = _part("springs")
-    wind: Wind | None = _part("wind")
+    attachments = _One(Attachments)
+    contact = _One(Contact)  # collisions between bodies
+    damping = _One(Damping)
+    domain = _One(Domain)
+    external = _One(External)
+    foam = _One(Foam)
+    fold = _One(Fold)
+    gravity = _One(Gravity)
+    perturbation = _One(Perturbation)
+    self_collision = _One(SelfCollision)
+    springs = _One(Springs)
+    wind = _One(Wind)
 
-    def as_dict(self, derived: bool = False) -> dict[str, Any]:
+    @property
+    def method(self) -> Method:
+        """The way in which the scene is stepped; every scene has one once it was made."""
+        method = self.one(Method)
+        assert method is not None
+        return method
+
+    def as_dict(self, derived: bool = False) -> Table:
         """Return the scene as nested tables, defaults filled in, as in a TOML file. `derived`: include what follows
         from other parts (`derive`)."""
-        tables: dict[str, Any] = {"title": self.title}
+        tables: Table = {"title": self.title}
         for part_name, part in self.parts.items():
             kind = self.kinds[part_name]
             left_out = set() if derived else self.derived.get(part_name, frozenset())

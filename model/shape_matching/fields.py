@@ -17,7 +17,7 @@ UNIT = 1e-3  # tolerance of a quaternion's length: float32 rounding, or a text f
 
 
 def _checked(
-    name: str, values: Any, shape: tuple[int, ...], real: Real, size: Callable, words: tuple[str, str]
+    name: str, values: object, shape: tuple[int, ...], real: Real, size: Callable, words: tuple[str, str]
 ) -> np.ndarray:
     """Return an array with an entry for each cluster, `shape` in all, in the arithmetic `real`, unchanged.
 
@@ -36,12 +36,12 @@ def _checked(
     return np.ascontiguousarray(array, dtype=real)
 
 
-def _check_rotation(scene: Scene, rotation: Any, real: Real) -> np.ndarray:
+def _check_rotation(scene: Scene, rotation: object, real: Real) -> np.ndarray:
     """Return unit quaternions, (clusters, 4)."""
     return _checked("rotation", rotation, (scene.body_set.clusters.count, 4), real, _lengths, ("quaternion", "length"))
 
 
-def _check_plastic(scene: Scene, plastic: Any, real: Real) -> np.ndarray:
+def _check_plastic(scene: Scene, plastic: object, real: Real) -> np.ndarray:
     """Return plastic deformations of determinant 1, (clusters, 3, 3)."""
     return _checked("plastic", plastic, (scene.body_set.clusters.count, 3, 3), real, _volumes, ("matrix", "volume"))
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from math import hypot
-from typing import Any
 
 from pydantic import model_validator
 
@@ -53,7 +52,7 @@ def pins(attachment: Attachment, bodies: Collection[str]) -> bool:
 
 def motion_with(attachment: Attachment, collider: Collider) -> Motion | None:
     """Return the motion of vertices attached to a collider; None if the collider is at rest."""
-    fields: dict[str, Any] = collider.model_dump()
+    fields = collider.model_dump()
     spin = fields.get("spin", (0.0, 0.0, 0.0))
     speed = hypot(*spin)
     if not speed and not any(collider.velocity):
@@ -65,7 +64,7 @@ def motion_with(attachment: Attachment, collider: Collider) -> Motion | None:
     )  # fmt: skip
 
 
-def check_attachment(name: str, part: Attachment, bodies: Mapping[str, Any], colliders: Mapping[str, Collider]) -> None:
+def check_attachment(name: str, part: Attachment, bodies: Collection[str], colliders: Mapping[str, Collider]) -> None:
     """Raise SceneError if the body or the target of the attachment does not exist, or cannot be attached to."""
     if part.body not in bodies:
         reason = (

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cached_property
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -92,9 +92,9 @@ class Placed(MeshSource):
         return rotation_about(self.axis, self.angle)
 
     def _idle_fields(self) -> set[str]:
-        body: Any = self  # a RigidBody, too
-        idle = {*body.lacks, "density" if body.mass is not None else "mass"}
-        return super()._idle_fields() | idle | {name for name in MATERIAL if not getattr(body, name, None)}
+        assert isinstance(self, RigidBody)
+        idle = {*self.lacks, "density" if self.mass is not None else "mass"}
+        return super()._idle_fields() | idle | {name for name in MATERIAL if not getattr(self, name, None)}
 
 
 class SoftBodyPart(Placed, SoftBody):

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from math import hypot, inf
-from typing import Any, Literal
+from typing import Literal, Protocol
 
 import numpy as np
 from pydantic import model_validator
@@ -20,7 +21,7 @@ OF_SHAPE = {"box": ("center", "half_size"), "sphere": ("center", "radius"), "hal
 SMALL = 1e-9  # of a length: rounding of lattice points at a rim
 
 
-def spatial(vector: Any) -> np.ndarray:
+def spatial(vector: Sequence[float]) -> np.ndarray:
     """Return a vector of two or three numbers as (3,)."""
     return np.array([*vector, 0.0][:3], np.float64)
 
@@ -142,13 +143,31 @@ class Sink(Part):
 FLOW_KINDS: dict[str, type[Part]] = {"emitter": Emitter, "sink": Sink}
 
 
-def initial_emitter_state(scene: Any) -> np.ndarray:
+class Lattice(Protocol):
+    """A scene's fluids, as the functions below read them."""
+
+    @property
+    def spacing(self) -> float: ...
+    @property
+    def dimensions(self) -> int: ...
+
+
+class Emitting(Protocol):
+    """A scene, as the functions below read it."""
+
+    @property
+    def emitters(self) -> Mapping[str, Emitter]: ...
+    @property
+    def fluid_set(self) -> Lattice: ...
+
+
+def initial_emitter_state(scene: Emitting) -> np.ndarray:
     """Return the initial emitter states, (emitters, 2) float64: the time [s] since which each has its speed, and the
     layers that had passed by then."""
     return np.array([(part.start, 0.0) for part in scene.emitters.values()], np.float64).reshape(-1, 2)
 
 
-def layers_passed(scene: Any, emitter_state: np.ndarray, time: float) -> np.ndarray:
+def layers_passed(scene: Emitting, emitter_state: np.ndarray, time: float) -> np.ndarray:
     """Return the number of layers that have passed each nozzle by `time` [s], (emitters,) float64."""
     layers, distance = [], scene.fluid_set.spacing
     for part, (since, before) in zip(scene.emitters.values(), emitter_state, strict=True):
@@ -157,13 +176,13 @@ def layers_passed(scene: Any, emitter_state: np.ndarray, time: float) -> np.ndar
     return np.array(layers)
 
 
-def rebased(scene: Any, emitter_state: np.ndarray, time: float) -> np.ndarray:
+def rebased(scene: Emitting, emitter_state: np.ndarray, time: float) -> np.ndarray:
     """Return the emitter states from `time` [s] on, when speeds change from those of `scene`."""
     starts = [part.start for part in scene.emitters.values()]
     return np.stack([np.maximum(time, starts), layers_passed(scene, emitter_state, time)], axis=1).reshape(-1, 2)
 
 
-def nozzle_points(scene: Any, real: Real) -> np.ndarray:
+def nozzle_points(scene: Emitting, real: Real) -> np.ndarray:
     """Return the points of all emitters, (points, 3) [m], in the arithmetic `real`."""
     fluids = scene.fluid_set
     points = [part.nozzle(fluids.spacing, fluids.dimensions) for part in scene.emitters.values()]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from math import prod
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
@@ -67,11 +67,10 @@ class Fluid(Part):
                 f"support: must be {NARROWEST:g} to {WIDEST:g} rest distances, {NARROWEST * self.rest_distance:g} to "
                 f"{WIDEST * self.rest_distance:g} m"
             )
-        one: Any
         if self.size is None and self.capacity is None:
             raise ValueError("size: must be given, or a capacity, of a fluid that an emitter gives")
-        main_block = [("size", self)] if self.size is not None else []
-        for field, one in (*main_block, *(("blocks", block) for block in self.blocks)):
+        for place, one in enumerate(self.all_blocks, int(self.size is None)):
+            field = "blocks" if place else "size"
             if len(one.size) != self.dimensions:
                 reason = f"must have {self.dimensions} numbers in {self.dimensions} dimensions"
                 raise ValueError(f"{field}: {reason}")
@@ -101,9 +100,9 @@ class Fluid(Part):
         return self.rest_distance * SUPPORT if self.support is None else self.support
 
     @property
-    def all_blocks(self) -> tuple[Any, ...]:
-        """All blocks of the fluid, its own (if it has one) and the others: objects with an origin and a size."""
-        return (self, *self.blocks) if self.size is not None else self.blocks
+    def all_blocks(self) -> tuple[Block, ...]:
+        """All blocks of the fluid: of its own size, if it has one, and the others."""
+        return self.blocks if self.size is None else (Block(origin=self.origin, size=self.size), *self.blocks)
 
     @property
     def starting_count(self) -> int:
@@ -120,7 +119,7 @@ class Fluid(Part):
         stable = SUPPORTS_PER_SUBSTEP * self.support_radius / substep
         return stable if self.maximum_speed is None else min(stable, self.maximum_speed)
 
-    def counts(self, block: Any) -> tuple[int, ...]:
+    def counts(self, block: Block) -> tuple[int, ...]:
         """Return the number of particles along each side of a block."""
         return tuple(max(1, round(side / self.rest_distance)) for side in block.size)
 

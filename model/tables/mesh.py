@@ -3,24 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, ClassVar, Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import field_validator, model_validator
 
-from softlab.model.base.pins import checked_pins
+from softlab.model.base.pins import MeshPins, checked_pins
 from softlab.model.base.table import Count, Part, Positive
 from softlab.model.geometry.normals import mesh_normals
 from softlab.model.geometry.topology import describe, mesh_of, vertex_masses
 from softlab.model.tables.cloth import Cloth
 from softlab.model.tables.mesh_source import OF_FILES
-from softlab.model.tables.parts import Grid
 
 Diagonals = Literal["one", "alternating"]
 OF_SHEETS = ("shape", "rows", "columns", "spacing", "diagonals", "placement")
 FILE_PINS = "none, top (the highest vertices) or a list of vertices, numbered from 0 as in the file"
-
-Pins = str | list[int] | list[tuple[int, int]]
 
 
 class Mesh(Cloth):
@@ -46,11 +43,11 @@ class Mesh(Cloth):
     shape: Literal["sheet"] | None = None
     diagonals: Diagonals = "one"
     density: Positive | None = None  # kg/m^2
-    pinned: Pins = "none"  # type: ignore[assignment]  # none, top, or for a file a list of vertices, numbered from 0
+    pinned: MeshPins = "none"  # none, top, or for a file a list of vertices, numbered from 0
 
     @model_validator(mode="before")
     @classmethod
-    def _one_source(cls, fields: Any) -> Any:
+    def _one_source(cls, fields: object) -> object:
         if not isinstance(fields, dict):
             return fields
         if ("file" in fields) == ("shape" in fields):
@@ -70,14 +67,14 @@ class Mesh(Cloth):
         return checked_pins(value)
 
     @model_validator(mode="after")
-    def _pins_lie_inside(self) -> Mesh:
+    def _is_valid(self) -> Mesh:
         """Read the file and set the fields that follow from the mesh."""
         if self.file is not None and not (self.pinned in ("none", "top") or _vertices(self.pinned)):
             raise ValueError(f"pinned: {FILE_PINS}")
         if self.file is None and self.pinned and _vertices(self.pinned):
             raise ValueError("pinned: a sheet's masses must be given as [[row, column], ...]")
         if self.file is None:
-            Grid._pins_lie_inside(self)  # type: ignore[operator]
+            self._check_pins()
         self.__dict__.update(describe(self))  # the part is frozen for other code
         return self
 

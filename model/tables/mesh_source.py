@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import ClassVar, Protocol
 
 from pydantic import model_validator
 
@@ -14,13 +14,20 @@ from softlab.model.geometry.topology import file_digest, mesh_path
 OF_FILES = ("file", "digest", "scale")
 
 
-def check_axis(part: Any) -> None:
+class FromFile(Protocol):
+    """A part that may come from a file; `digest`: the stated one."""
+
+    file: str | None
+    digest: str | None
+
+
+def check_axis(angle: float, axis: Vector) -> None:
     """Raise ValueError where a part is rotated about a zero axis."""
-    if part.angle != 0 and not any(part.axis):
+    if angle != 0 and not any(axis):
         raise ValueError("axis: must point somewhere, such as [0.0, 1.0, 0.0]")
 
 
-def check_digest(part: Any) -> None:
+def check_digest(part: FromFile) -> None:
     """Store the digest of a part's file in the part. Raises ValueError where it differs from the stated one."""
     if part.file is not None:
         digest = file_digest(mesh_path(part.file))
@@ -51,7 +58,7 @@ class MeshSource(Part):
             raise ValueError("scale: belongs to a file; a shape has a scale of its own")
         if self.shape is not None and getattr(self, "fill_holes", False):
             raise ValueError("fill_holes: belongs to a file; the lab's shapes have none")
-        check_axis(self)
+        check_axis(self.angle, self.axis)
         check_digest(self)
         return self
 

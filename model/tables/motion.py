@@ -5,15 +5,15 @@ What becomes of a scene whose pins have let go: model/scene/checks/releases.py.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from math import hypot, inf
-from typing import Any
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from pydantic import field_validator, model_validator
 
 from softlab.model.base.errors import SceneError
-from softlab.model.base.pins import PIN_RULE, Pins, checked_pins, pin_indices
+from softlab.model.base.pins import PIN_RULE, MeshPins, Pins, checked_pins, pin_indices
 from softlab.model.base.table import NotNegative, Number, Part, Positive, Vector
 from softlab.model.tables.parts import Grid
 
@@ -93,7 +93,14 @@ class Release(Part):
         return super()._idle_fields() | ({"body"} if self.body is None else set())
 
 
-def check_inside(places: Iterable[tuple[int, int]], sheet: Any, field: str) -> None:
+@runtime_checkable
+class Pinned(Protocol):
+    """A particle set that is no sheet of rows: it says itself which motion each of its pins follows."""
+
+    def pin_motions(self, motions: Mapping[str, Motion]) -> np.ndarray: ...
+
+
+def check_inside(places: Iterable[Sequence[int]], sheet: Grid, field: str) -> None:
     """Raise SceneError, which names `field`, for a (row, column) outside a sheet of `rows` and `columns`."""
     for row, column in places:
         if not (0 <= row < sheet.rows and 0 <= column < sheet.columns):
@@ -101,22 +108,23 @@ def check_inside(places: Iterable[tuple[int, int]], sheet: Any, field: str) -> N
             raise SceneError(field, [row, column], reason)
 
 
-def masses_of(pins: Any, sheet: Any, field: str) -> np.ndarray:
+def masses_of(pins: MeshPins, sheet: Grid, field: str) -> np.ndarray:
     """Return the sorted indices (masses,) int64 of the masses of a sheet that `pins` names. Raises SceneError as
     `check_inside`."""
-    check_inside(pins if isinstance(pins, list) else (), sheet, field)
+    places = [place for place in pins if isinstance(place, Sequence)] if isinstance(pins, list) else []
+    check_inside(places, sheet, field)
     return pin_indices(pins, sheet.rows, sheet.columns)
 
 
-def motions_of_pins(sheet: Grid | Any, motions: Mapping[str, Motion]) -> np.ndarray:
+def motions_of_pins(sheet: object, motions: Mapping[str, Motion]) -> np.ndarray:
     """Return for each pinned mass of the sheet, by index, the number of its motion in `motions`, or -1; (pins,) int64.
 
     Particle sets other than sheets of rows compute it themselves: `pin_motions`. Raises SceneError for a motion of
     masses that are not pinned, or that another motion moves.
     """
-    if not isinstance(sheet, Grid):
-        by_set: np.ndarray = sheet.pin_motions(motions)
-        return by_set
+    if isinstance(sheet, Pinned):
+        return sheet.pin_motions(motions)
+    assert isinstance(sheet, Grid)
     pinned = pin_indices(sheet.pinned, sheet.rows, sheet.columns)
     numbers = np.full(len(pinned), -1, np.int64)
     names = list(motions)

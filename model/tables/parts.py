@@ -4,19 +4,31 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, ClassVar, Protocol, TypeVar
 
 import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from softlab.model.base.errors import SceneError
-from softlab.model.base.pins import Pins, checked_pins
+from softlab.model.base.pins import MeshPins, checked_pins
 from softlab.model.base.table import AtLeastOne, Count, NotNegative, Number, Part, Positive, Seed, Vector
 from softlab.model.geometry.normals import vertex_normals
 from softlab.model.geometry.sheets import sheet_triangles
 
 
-def friction_is_ordered(part: Any) -> Any:
+class Rubbing(Protocol):
+    """A part with friction."""
+
+    @property
+    def static_friction(self) -> float: ...
+    @property
+    def dynamic_friction(self) -> float: ...
+
+
+RubbingPart = TypeVar("RubbingPart", bound=Rubbing)
+
+
+def friction_is_ordered(part: RubbingPart) -> RubbingPart:
     """Validate a part with friction: the dynamic coefficient is at most the static one."""
     if part.dynamic_friction > part.static_friction:
         raise ValueError(
@@ -36,7 +48,7 @@ class Grid(Part):
     columns: Count  # masses
     spacing: Positive = 1.0  # m
     mass: Positive = 0.01  # kg, each
-    pinned: Pins = "none"  # top, bottom, left, right, top-bottom, left-right, top-corners, edges, every:K, [[i, j]]
+    pinned: MeshPins = "none"  # top, bottom, left, right, top-bottom, left-right, top-corners, edges, every:K, [[i, j]]
 
     @field_validator("pinned", mode="before")
     @classmethod
@@ -44,15 +56,18 @@ class Grid(Part):
         return checked_pins(value)
 
     @model_validator(mode="after")
-    def _pins_lie_inside(self) -> Grid:
-        if isinstance(self.pinned, list):
-            for row, column in self.pinned:
-                if not (0 <= row < self.rows and 0 <= column < self.columns):
-                    raise ValueError(
-                        f"pinned: [{row}, {column}] lies outside the grid; rows are 0 to {self.rows - 1}, "
-                        f"columns 0 to {self.columns - 1}"
-                    )
+    def _is_valid(self) -> Grid:
+        self._check_pins()
         return self
+
+    def _check_pins(self) -> None:
+        """Raise ValueError for pins [row, column] outside the sheet."""
+        for place in self.pinned if isinstance(self.pinned, list) else ():
+            if isinstance(place, tuple) and not (0 <= place[0] < self.rows and 0 <= place[1] < self.columns):
+                raise ValueError(
+                    f"pinned: {list(place)} lies outside the grid; rows are 0 to {self.rows - 1}, "
+                    f"columns 0 to {self.columns - 1}"
+                )
 
     @property
     def particle_count(self) -> int:

@@ -70,7 +70,7 @@ class Region(Part):
             raise ValueError(f"{field}: a region is given by one of: {self.choices}")
         if self.normal is not None and hypot(*self.normal) == 0:
             raise ValueError("normal: must not be zero")
-        check_axis(self)
+        check_axis(self.angle, self.axis)
         if self.low and self.high and any(a > b for a, b in zip(self.low, self.high, strict=True)):
             raise ValueError(f"high: must be at least low, {list(self.low)}")
         if self.shape is not None and self.shape.name in ("sheet", "terrain"):

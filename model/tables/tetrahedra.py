@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cached_property
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal, TypeVar
 
+import numpy as np
 from pydantic import Field, model_validator
 
-from softlab.model.assets.cooked import cooked, is_settled
+from softlab.model.assets.cooked import Repair, cooked, is_settled
 from softlab.model.assets.tetrahedral_body import CookedBody
 from softlab.model.base.table import ZERO, AtLeastOne, Count, Flag, NotNegative, Part, Positive, Vector
 from softlab.model.geometry.topology import mesh_path
@@ -19,7 +20,10 @@ LARGEST_RATIO = 0.499  # above it lambda / mu is over 500, and linear tetrahedra
 Poisson = Annotated[float, Field(ge=0, le=LARGEST_RATIO, strict=True)]
 
 
-def lame_of(young: Any, poisson: Any) -> tuple[Any, Any]:
+Value = TypeVar("Value", float, np.ndarray)
+
+
+def lame_of(young: Value, poisson: Value) -> tuple[Value, Value]:
     """Return (mu, lambda) [Pa] of Young's modulus [Pa] and Poisson's ratio, numbers or arrays."""
     return young / (2 * (1 + poisson)), young * poisson / ((1 + poisson) * (1 - 2 * poisson))
 
@@ -81,7 +85,7 @@ class TetrahedralBody(MeshSource):
         voxels = None if self.edge is not None or is_settled(source) else self.voxels
         return cooked(
             source, edge=self.edge, voxels=voxels, per_voxel=self.tetrahedra, scale=self.scale, density=self.density,
-            fill_holes=self.fill_holes,
+            repair=Repair(fill_holes=self.fill_holes),
         )  # fmt: skip
 
     @property

@@ -4,7 +4,6 @@ between them."""
 from __future__ import annotations
 
 from math import inf
-from typing import Any
 
 import numpy as np
 
@@ -22,6 +21,7 @@ from softlab.model.core.family import (
 )
 from softlab.model.core.parameters import rounded_record
 from softlab.model.core.plan import Plan
+from softlab.model.core.simulation import Simulation
 from softlab.model.fluid.family import FLUID, fluid_note, fluid_warnings
 from softlab.model.fluid.plan import fluid_plan
 from softlab.model.scene.scene import Scene
@@ -101,7 +101,7 @@ def _fields(scene: Scene) -> tuple[Field, ...]:
 def _added(number: Field) -> Field:
     """Return a number of members as one of the world's, which may have contacts of surfaces between members."""
 
-    def total(simulation: Any) -> int:
+    def total(simulation: Simulation) -> int:
         between = surface_contacts_lost(simulation) if number.name == CONTACTS_LOST.name else 0
         members = simulation.members.values()
         return between + sum(member.read(number.name) for member in members if number.name in member.fields)

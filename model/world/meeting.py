@@ -6,7 +6,6 @@ A particle of bodies is a ball that keeps its radius from triangles. Contacts wi
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -134,8 +133,8 @@ def _joined(members: list[CrossSurface]) -> CrossSurface:
         Lists(offsets.astype(np.int32), at_vertex.astype(np.int32)), shifted("body", group), whole("rest"), whole("edge"),
         whole("corner"),
     )  # fmt: skip
-    parts: list[Any] = [(one.particles, one.member, one.radius) for one in members]
-    particles, member, radius = (joined(*arrays) for arrays in zip(*parts, strict=True))
+    particles, member = joined(*(one.particles for one in members)), joined(*(one.member for one in members))
+    radius = joined(*(one.radius for one in members))
     return CrossSurface(particles, surface, member, radius)
 
 

@@ -11,7 +11,7 @@ from bodies_scenes import BEAM, METHOD, PLANE, TORUS, beams_and_torus
 from real_window import StillWindow, display, needs_display  # noqa: F401
 from test_view3d import drawing, looks_like, near  # noqa: F401  # a fixture among them
 
-from softlab.app.output.offscreen import OffscreenRenderer, render_frame
+from softlab.app.output.offscreen import OffscreenRenderer, Picture, render_frame
 from softlab.app.render import colours
 from softlab.app.render.collider_shapes import grounds, shadow_matrix
 from softlab.app.render.particle_colours import COLOURINGS, cluster_colours, nearest_clusters, particle_colours
@@ -151,7 +151,7 @@ def test_bad_shapes_are_refused_and_diverged_states_drawn(tmp_path: Path) -> Non
         renderer._view.draw(renderer.camera, 0.5, selected=3)
         ring = near(renderer.image(), renderer, BENT[3], 11)
         assert np.abs(ring - colours.SELECTED).max(axis=1).min() < 0.05
-    assert render_frame(SCENE, BENT, tmp_path / "bodies.png", 160, 120).exists()
+    assert render_frame(SCENE, BENT, tmp_path / "bodies.png", Picture(160, 120)).exists()
 
 
 @pytest.mark.usefixtures("drawing")

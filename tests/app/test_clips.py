@@ -21,7 +21,7 @@ from softlab.model.base.files import replacing
 def test_a_frame_becomes_a_png_and_nothing_else(tmp_path: Path) -> None:
     from PIL import Image
 
-    path = render_frame(SCENE, REST, tmp_path / "frame.png", 400, 300)
+    path = render_frame(SCENE, REST, tmp_path / "frame.png", Picture(400, 300))
     picture = np.asarray(Image.open(path))
     assert picture.shape == (300, 400, 3) and len(np.unique(picture.reshape(-1, 3), axis=0)) > 20
     assert [file.name for file in tmp_path.iterdir()] == ["frame.png"]

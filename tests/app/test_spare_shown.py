@@ -18,7 +18,7 @@ from test_view3d import drawing, looks_like, near  # noqa: F401  # a fixture amo
 
 from softlab.app.families.bodies import bodies_report
 from softlab.app.output.export import Exporter, check_export
-from softlab.app.output.offscreen import OffscreenRenderer, render_frame
+from softlab.app.output.offscreen import OffscreenRenderer, Picture, render_frame
 from softlab.app.output.pieces import pieces_of
 from softlab.app.render import colours
 from softlab.app.render.bodies.skinning import ClusterFrames
@@ -127,7 +127,7 @@ def test_what_comes_in_is_drawn_and_what_leaves_is_gone(tmp_path: Path) -> None:
             assert seen == (number is not None)
         view.delete()
     path = render_frame(
-        SPARE, position, tmp_path / "a.png", 64, 64, legend=False, inverse_mass=1 / BODY_SET.clusters.mass
+        SPARE, position, tmp_path / "a.png", Picture(64, 64, legend=False), inverse_mass=1 / BODY_SET.clusters.mass
     )
     assert path.exists()
 

@@ -12,7 +12,7 @@ import pytest
 from real_window import StillWindow, display, needs_display  # noqa: F401
 from test_view3d import drawing  # noqa: F401  # a fixture
 
-from softlab.app.output.offscreen import OffscreenRenderer, render_frame
+from softlab.app.output.offscreen import OffscreenRenderer, Picture, render_frame
 from softlab.app.render import colours
 from softlab.app.render.tetrahedra_view import COLOURINGS, outer_faces
 from softlab.app.window.demo import Demo
@@ -157,10 +157,11 @@ def test_a_picture_of_stress_has_its_legend(tmp_path: Path) -> None:
     title, most = told
     assert title == "von Mises stress / kPa"
     assert most >= von_mises(scene().tetrahedra_set, BENT).max() / 1e3
-    assert render_frame(scene(), BENT, tmp_path / "bar.png", 320, 240, view_options=("stress", "mesh")).exists()
+    picture = Picture(320, 240, view_options=("stress", "mesh"))
+    assert render_frame(scene(), BENT, tmp_path / "bar.png", picture).exists()
     with pytest.raises(InputError, match="applies to tetrahedral bodies"):
         render_frame(Scene({"grid": {"rows": 2, "columns": 2}, "springs": {}}), np.zeros((4, 2)), tmp_path / "g.png",
-                     view_options=("stress",))  # fmt: skip
+                     Picture(view_options=("stress",)))  # fmt: skip
 
 
 @pytest.mark.usefixtures("drawing")

@@ -273,6 +273,8 @@ def test_frames_and_clips_of_a_cloth(tmp_path: Path) -> None:
     clip = render(simulation, tmp_path / "clip.mp4", steps=30, steps_per_frame=10, picture=Picture(160, 120))
     assert imageio_ffmpeg.count_frames_and_secs(clip)[0] == 4
     assert simulation.asked.count("normal") == 4
-    assert render_frame(simulation.scene, REST, tmp_path / "lines.png", 160, 120, lines=True, time=0.2).exists()
+    assert render_frame(
+        simulation.scene, REST, tmp_path / "lines.png", Picture(160, 120), lines=True, time=0.2
+    ).exists()
     states = np.stack([REST, 1.1 * REST])
     assert render(states, tmp_path / "states.mp4", scene=SCENE, picture=Picture(160, 120)).exists()

@@ -62,7 +62,7 @@ def test_distances_are_those_to_the_nearest_point(kind):
     lie apart. The normal leads along the distance's gradient (central differences: h^2 / 2 distance < 1e-6)."""
     body, surface = BODIES[kind]
     points, places = surface(), np.random.default_rng(1).uniform(-0.7, 0.7, (100, 3))
-    distance, normal = judge.distances(kind, body, places)
+    distance, normal = judge.distances(body, places)
     nearest = np.array([np.sqrt(((points - place) ** 2).sum(axis=1).min()) for place in places])
     apart = (
         0.012  # m, from any place of a surface to the nearest point: at most sqrt(4 pi 0.25 / 40 000) = 0.009 and sides
@@ -72,7 +72,7 @@ def test_distances_are_those_to_the_nearest_point(kind):
     assert (distance > 0).any() and (distance < 0).any()
     h = 1e-5
     for axis in range(3):
-        ahead, behind = (judge.distances(kind, body, places + sign * h * np.eye(3)[axis])[0] for sign in (1, -1))
+        ahead, behind = (judge.distances(body, places + sign * h * np.eye(3)[axis])[0] for sign in (1, -1))
         smooth = np.abs(distance[:, 0]) > 0.05  # away from edges, where a box's normal jumps
         slope = ((ahead - behind) / (2 * h))[:, 0]
         assert np.isclose(slope, normal[:, axis], atol=1e-6)[smooth].mean() > 0.95
@@ -92,7 +92,7 @@ def test_formulas_are_the_references(kind):
         "box": lambda: body.half_size,
     }[kind]()
     for place in [start, *np.random.default_rng(2).uniform(-1, 1, (200, 3))]:
-        distance, normal = judge.distances(kind, body, place)
+        distance, normal = judge.distances(body, place)
         assert getattr(made, kind)(*(place - start), *own) == pytest.approx([distance[0], *normal], abs=1e-14)
 
 

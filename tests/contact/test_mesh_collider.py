@@ -184,7 +184,7 @@ def test_a_mesh_of_a_sphere_is_the_sphere_within_its_sagitta(tmp_path: Path) -> 
         out /= np.linalg.norm(out)
         end = out * random.uniform(radius, radius + thickness - sagitta)
         position, velocity = meet(0, 0.01, 0.7 * out, end, -out)
-        distance, normal = judge.distances("sphere", Sphere(center=(0.0, 0.0, 0.0), radius=radius), position)
+        distance, normal = judge.distances(Sphere(center=(0.0, 0.0, 0.0), radius=radius), position)
         assert thickness - sagitta - 1e-12 <= distance[0] <= thickness + 1e-12
         assert normal @ velocity == pytest.approx(0, abs=circumradius / radius)
 

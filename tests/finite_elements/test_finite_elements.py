@@ -102,7 +102,7 @@ def test_patches() -> None:
     np.testing.assert_allclose(small, 1e-3 * affine, rtol=0, atol=1e-10 * 1e-3 * 0.1)
     for material in materials.MATERIALS:
         start = position + np.where(edge[:, None], affine, 0)
-        found = nonlinear_static(position, tetrahedra, YOUNG, 0.3, edge, material, start=start)
+        found = nonlinear_static(fem.Body.of(position, tetrahedra, material, YOUNG, 0.3), edge, start=start)
         np.testing.assert_allclose(found, position + affine, rtol=0, atol=1e-10 * 0.1)
 
 

@@ -36,11 +36,12 @@ def test_tension(material: str, stretch: float, lateral: float | None, stress: f
     beside = np.flatnonzero(left & (np.abs(position[:, 1] - position[corner, 1]) < 1e-9))[-1]
     fixed[corner, 1:] = fixed[beside, 1] = True
     start = position * [stretch, 1, 1]
-    found = nonlinear_static(position, tetrahedra, 1e5, 0.3, fixed, material, start=start)
+    body = fem.Body.of(position, tetrahedra, material, 1e5, 0.3)
+    found = nonlinear_static(body, fixed, start=start)
     for axis in (1, 2):
         across = float(np.ptp(found[:, axis])) / SIDE
         assert lateral is None or across == pytest.approx(lateral, abs=1e-8)
-    pull = -fem.Body.of(position, tetrahedra, material, 1e5, 0.3).force(found)[right, 0].sum() / SIDE**2
+    pull = -body.force(found)[right, 0].sum() / SIDE**2
     assert pull == pytest.approx(stress, rel=1e-8, abs=6e-4)
 
 
@@ -82,9 +83,8 @@ def test_elastica(across: int, load: float, material: str) -> None:
     bending = 1 / (3 * -float(small[made.tip, 1].mean()))  # E I of this mesh
     assert bending > young * 0.05**4 / 12
     steps = 1 if load < 1 else 4 if load < 5 else 10
-    found = nonlinear_static(
-        made.position, made.tetrahedra, young, poisson, made.clamped, material, load * bending * one, load_steps=steps
-    )
+    body = fem.Body.of(made.position, made.tetrahedra, material, young, poisson)
+    found = nonlinear_static(body, made.clamped, load * bending * one, load_steps=steps)
     moved = (found - made.position)[made.tip].mean(axis=0)
     sag, shortening = ELASTICA[load]
     assert -moved[1] == pytest.approx(sag, rel=0.01)
@@ -119,9 +119,7 @@ def test_implicit_euler_comes_to_rest_and_falls(material: str) -> None:
     p, v = made.position, np.zeros_like(made.position)
     for _ in range(60):
         p, v = implicit_euler(body, p, v, mass, made.clamped, 1.0, gravity)
-    exact = nonlinear_static(
-        made.position, made.tetrahedra, 1e5, 0.3, made.clamped, material, gravity=gravity, density=1000.0
-    )
+    exact = nonlinear_static(body, made.clamped, gravity=gravity, density=1000.0)
     assert np.abs(exact - made.position).max() > 0.05  # not a small one
     np.testing.assert_allclose(p, exact, rtol=0, atol=1e-8)
     free = np.zeros(len(mass), dtype=bool)

@@ -136,7 +136,7 @@ def test_a_block_is_exact_over_its_sides_and_off_by_a_cell_at_its_edges() -> Non
     field = block()
     numbers, made, random = field.numbers(np.float64), plain_formulas(formulas, np.float64), np.random.default_rng(3)
     points = random.uniform(-0.7, 0.7, (500, 3))
-    closed, normals = judge.distances("box", judge_box(), points, 0.0)
+    closed, normals = judge.distances(judge_box(), points, 0.0)
     for p, distance, normal in zip(points, closed, normals, strict=True):
         found, *slope = made.sample(numbers, 0, *p)
         assert abs(found - distance) <= sqrt(3) / 2 * 0.125

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from softlab.app.command.cook import cook_body
-from softlab.model.assets.cooked import cooked
+from softlab.model.assets.cooked import Repair, cooked
 from softlab.model.base.errors import BackendUnavailable, InputError, SceneError
 from softlab.model.geometry import repair
 from softlab.model.geometry.mesh import TriangleMesh
@@ -53,7 +53,7 @@ def test_a_cube_in_a_cube_is_the_outer_one() -> None:
 
 def test_a_body_of_united_pieces_weighs_them_once() -> None:
     pytest.importorskip("manifold3d")
-    body = cooked(both(moved(BOX, 0.0), moved(BOX, 0.5)), edge=0.25, unite=True, use_cache=False)
+    body = cooked(both(moved(BOX, 0.0), moved(BOX, 0.5)), edge=0.25, repair=Repair(unite=True), use_cache=False)
     assert body.report.volume == pytest.approx(1.5, rel=1e-9)
 
 
@@ -92,5 +92,5 @@ def test_tetrahedra_of_a_file_have_no_use_for_it(tmp_path: Path) -> None:
 
     (tmp_path / "one.msh").write_text("nothing")
     with pytest.raises(SceneError, match="does not apply to a file of tetrahedra"):
-        cook_body(str(tmp_path / "one.msh"), tmp_path / "body.npz", Console(), unite=True)
+        cook_body(str(tmp_path / "one.msh"), tmp_path / "body.npz", Console(), repair=Repair(unite=True))
     assert not (tmp_path / "body.npz").exists()

@@ -12,7 +12,7 @@ from closed_meshes import Mesh, ball, blocks, both, box, turned_over, volume_of
 from meshes import sheet, strip
 from test_mesh import binary_stl, check_sound, obj, write
 
-from softlab.model.assets.cooked import cooked
+from softlab.model.assets.cooked import Repair, cooked
 from softlab.model.assets.soft_body import RigidBody, SoftBody
 from softlab.model.base.errors import InputError, SceneError
 from softlab.model.geometry import neighbours
@@ -254,7 +254,7 @@ def test_holes_are_filled_on_request(tmp_path: Path) -> None:
     assert part.baked.mass.sum() == pytest.approx(1000 * body.volume, rel=1e-6)
     with pytest.raises(InputError, match="fill_holes"):
         _ = RigidBodyPart(file=str(file), particle_spacing=0.1).baked
-    cut = cooked(str(file), voxels=8, use_cache=False, fill_holes=True)
+    cut = cooked(str(file), voxels=8, use_cache=False, repair=Repair(fill_holes=True))
     assert cut.report.hull_volume == pytest.approx(body.volume)
     with pytest.raises(InputError, match="fill_holes"):
         cooked(str(file), voxels=8, use_cache=False)

@@ -42,9 +42,11 @@ def test_states_are_the_references(name: str) -> None:
     body = Body.of(found.position, found.tetrahedra[chosen], part.material, part.young_modulus, part.poisson_ratio)
     method = scene.method
     position, velocity = reference.simulate(
-        body, begin.position, begin.velocity, begin.inverse_mass, rows.sweep, method.dt, method.substeps, method.iterations,
-        STEPS, gravity=(0.0, -9.81, 0.0), damping_time=part.damping,
-        scheme="blocks" if method.rows == "blocks" else "rows",
+        body, begin.position, begin.velocity, begin.inverse_mass, method.dt, method.substeps, STEPS,
+        reference.Method(
+            rows.sweep, method.iterations, (0.0, -9.81, 0.0), part.damping,
+            scheme="blocks" if method.rows == "blocks" else "rows",
+        ),
     )  # fmt: skip
     state = run(scene)
     np.testing.assert_allclose(state.position, position, atol=1e-12)
@@ -87,15 +89,15 @@ def test_cut_voxels_are_the_references_with_a_fraction_of_the_stiffness(volume: 
     sets, (chosen, *first) = constraint_sets(scene), tetrahedra_of_sets(found)
     young = part.young_modulus * found.fraction[chosen]
     body = Body.of(found.position, found.tetrahedra[chosen], part.material, young, part.poisson_ratio)
-    common = body, begin.position, begin.velocity, begin.inverse_mass, sets[0].sweep
-    rest = {"gravity": (0.0, -9.81, 0.0), "damping_time": 0.0}
+    common = body, begin.position, begin.velocity, begin.inverse_mass
+    stepped = reference.Method(sets[0].sweep, gravity=(0.0, -9.81, 0.0))
     if volume == "voxels":
         place = np.empty(len(chosen), np.int64)
         place[chosen] = np.arange(len(chosen))
         members = [np.sort(place[np.flatnonzero(found.patch == found.patch[one])]) for one in first[0]]
-        position, _ = voxel_reference.simulate(*common, members, method["dt"], STEPS, 1, **rest)
+        position, _ = voxel_reference.simulate(*common, members, method["dt"], STEPS, stepped)
     else:
-        position, _ = reference.simulate(*common, method["dt"], 1, 1, STEPS, **rest, scheme="rows")
+        position, _ = reference.simulate(*common, method["dt"], 1, STEPS, stepped)
     assert 0.01 < found.fraction.min() + 0.01 < found.fraction.max() and (found.fraction < 1).any()
     np.testing.assert_allclose(run(scene).position, position, atol=1e-11)
     assert np.abs(position - begin.position).max() > 1e-3

@@ -7,6 +7,7 @@ tetrahedron ends at the exact step.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -17,6 +18,7 @@ from softlab.bench.reference import elastic_materials as materials
 from softlab.bench.reference import finite_elements as fem
 from softlab.bench.reference import tetrahedra as rows
 from softlab.bench.reference.finite_elements_newton import implicit_euler, nonlinear_static
+from softlab.bench.reference.tetrahedra import Method
 
 DENSITY, FRAME = 1000.0, 1 / 60
 ONE = np.array([[0.0, 0.0, 0.0], [0.3, 0.02, 0.0], [0.05, 0.25, 0.01], [0.1, 0.08, 0.2]])
@@ -58,7 +60,7 @@ def test_a_projection_keeps_momenta(way: str, material: str) -> None:
     """The middle of mass to rounding; by rows (not by blocks) also the angular momentum, one projection about where it is."""
     body, weight = one(material), np.array([1.0, 2.0, 0.5, 3.0])
     here = ONE @ np.diag([1.2, 0.9, 1.1]) + 0.3
-    moved = rows.substep(body, here, np.zeros((4, 3)), weight, [np.array([0])], 0.01, scheme=way)[0]
+    moved = rows.substep(body, here, np.zeros((4, 3)), weight, 0.01, Method([np.array([0])], scheme=way))[0]
     impulse = (moved - here) / weight[:, None]
     assert np.abs(impulse).max() > 1e-4
     np.testing.assert_allclose(impulse.sum(axis=0), 0, atol=1e-12)
@@ -74,10 +76,12 @@ def test_nothing_happens_at_rest_and_pins_hold(way: str) -> None:
     weight, still = inverse_masses(made), np.zeros_like(made.position)
     turn = materials.rotation(np.random.default_rng(2).normal(size=(3, 3)))
     turned = made.position @ turn.T
-    p, v = rows.simulate(body, turned, still, weight, made.colours, FRAME, 2, 2, 3, scheme=way)
+    method = Method(made.colours, 2, scheme=way)
+    p, v = rows.simulate(body, turned, still, weight, FRAME, 2, 3, method)
     np.testing.assert_allclose(p, turned, rtol=0, atol=1e-8)
     flat = made.position * [1, -0.5, 0]
-    p, v = rows.simulate(body, flat, still, weight, made.colours, FRAME, 2, 2, 3, (0, -9.81, 0), 0.01, scheme=way)
+    method = replace(method, gravity=(0, -9.81, 0), damping_time=0.01)
+    p, v = rows.simulate(body, flat, still, weight, FRAME, 2, 3, method)
     assert np.isfinite(p).all() and np.isfinite(v).all()
     np.testing.assert_array_equal(p[made.clamped], flat[made.clamped])
     assert np.abs(p - flat).max() > 0.01
@@ -97,9 +101,8 @@ def test_sweeps_approach_the_exact_step_by_blocks_alone(material: str) -> None:
     far = np.abs(exact - made.position - h * v).max()
     left = {}
     for way, sweeps in (("rows", 50), ("rows", 100), ("blocks", 10), ("blocks", 100)):
-        p, _ = rows.simulate(
-            body, made.position, v, inverse_masses(made), made.colours, h, 1, sweeps, 1, gravity, scheme=way
-        )
+        method = Method(made.colours, sweeps, gravity, scheme=way)
+        p, _ = rows.simulate(body, made.position, v, inverse_masses(made), h, 1, 1, method)
         left[way, sweeps] = np.abs(p - exact).max() / far
     assert left["blocks", 100] < 2e-5 < left["blocks", 10]
     assert left["rows", 100] == pytest.approx(left["rows", 50], rel=0.01) and left["rows", 100] > 5e-3
@@ -117,7 +120,8 @@ def test_damping_by_a_time(way: str) -> None:
     left = []
     for tau in (0.0, 0.02 / w):
         p, v = ONE + 1e-4 * shape, np.zeros_like(ONE)
-        p, v = rows.simulate(body, p, v, 1 / mass, [np.array([0])], 800 * h, 800, 1, 1, (0, 0, 0), tau, scheme=way)
+        method = Method([np.array([0])], damping_time=tau, scheme=way)
+        p, v = rows.simulate(body, p, v, 1 / mass, 800 * h, 800, 1, method)
         energy = body.energy(p) + float((mass[:, None] * v**2).sum()) / 2
         left.append(energy)
     assert np.log(left[0] / left[1]) == pytest.approx(0.02 / w * w**2 * 800 * h, rel=0.02)
@@ -126,16 +130,8 @@ def test_damping_by_a_time(way: str) -> None:
 @cache
 def exact_sag(young: float, poisson: float) -> tuple[Bar, np.ndarray, tuple[float, float, float]]:
     made, gravity = bar(2), (0.0, -0.1 * young / 1e6, 0.0)
-    exact = nonlinear_static(
-        made.position,
-        made.tetrahedra,
-        young,
-        poisson,
-        made.clamped,
-        "fixed-corotated",
-        gravity=gravity,
-        density=DENSITY,
-    )
+    body = fem.Body.of(made.position, made.tetrahedra, "fixed-corotated", young, poisson)
+    exact = nonlinear_static(body, made.clamped, gravity=gravity, density=DENSITY)
     return made, exact, gravity
 
 
@@ -143,9 +139,8 @@ def too_far(young: float, substeps: int, iterations: int = 1, way: str = "rows",
     """The tip's sag at rest over that of the exact answer on the same mesh, 400 tetrahedra under their own weight."""
     made, exact, gravity = exact_sag(young, poisson)
     body = fem.Body.of(made.position, made.tetrahedra, "fixed-corotated", young, poisson)
-    found = rows.at_rest(
-        body, exact, inverse_masses(made), made.colours, FRAME / substeps, iterations, gravity, scheme=way
-    )
+    method = Method(made.colours, iterations, gravity, scheme=way)
+    found = rows.at_rest(body, exact, inverse_masses(made), FRAME / substeps, method)
     return float((found - made.position)[made.tip, 1].mean() / (exact - made.position)[made.tip, 1].mean())
 
 
@@ -176,7 +171,8 @@ def test_damped_rows_sag_further() -> None:
     1 ms. It ought to vanish at rest; what damps velocities after the sweep does."""
     made, exact, gravity = exact_sag(1e6, 0.3)
     body = fem.Body.of(made.position, made.tetrahedra, "fixed-corotated", 1e6, 0.3)
-    found = rows.at_rest(body, exact, inverse_masses(made), made.colours, FRAME / 30, 1, gravity, 1e-3)
+    method = Method(made.colours, 1, gravity, damping_time=1e-3)
+    found = rows.at_rest(body, exact, inverse_masses(made), FRAME / 30, method)
     sag, expected = ((p - made.position)[made.tip, 1].mean() for p in (found, exact))
     assert sag / expected == pytest.approx(1.2477, rel=1e-3)
 
@@ -188,7 +184,9 @@ def test_neo_hookean_rows_stay_without_a_load(way: str) -> None:
     made = bar(1, 5, length=0.4)
     body = fem.Body.of(made.position, made.tetrahedra, "neo-hookean", 1e6, 0.3)
     still = np.zeros_like(made.position)
-    p, _ = rows.simulate(body, made.position, still, inverse_masses(made), made.colours, FRAME, 1, 1, 15, scheme=way)
+    p, _ = rows.simulate(
+        body, made.position, still, inverse_masses(made), FRAME, 1, 15, Method(made.colours, scheme=way)
+    )
     np.testing.assert_allclose(p, made.position, rtol=0, atol=1e-14)
 
 
@@ -205,7 +203,7 @@ def test_neo_hookean_sweeps_approach_the_exact_step(poisson: float, rate: float)
     exact, _ = implicit_euler(body, made.position, v, mass, made.clamped, h, gravity)
     assert np.linalg.svd(body.deformation(exact), compute_uv=False).max() > 1.025
     far = np.abs(exact - made.position - h * v).max()
-    p, _ = rows.simulate(body, made.position, v, inverse_masses(made), made.colours, h, 1, 60, 1, gravity)
+    p, _ = rows.simulate(body, made.position, v, inverse_masses(made), h, 1, 1, Method(made.colours, 60, gravity))
     assert np.abs(p - exact).max() < rate**60 * far
 
 
@@ -215,7 +213,8 @@ def test_at_rest_is_where_steps_come_to_rest(iterations: int) -> None:
     made, gravity = bar(1), (0.0, -0.1, 0.0)
     body = fem.Body.of(made.position, made.tetrahedra, "fixed-corotated", 1e6, 0.3)
     weight = inverse_masses(made)
-    there = rows.at_rest(body, made.position, weight, made.colours, FRAME / 4, iterations, gravity)
+    method = Method(made.colours, iterations, gravity)
+    there = rows.at_rest(body, made.position, weight, FRAME / 4, method)
     still = np.zeros_like(there)
-    p, v = rows.simulate(body, made.position, still, weight, made.colours, FRAME, 4, iterations, 360, gravity, drag=5.0)
+    p, v = rows.simulate(body, made.position, still, weight, FRAME, 4, 360, replace(method, drag=5.0))
     assert np.abs(p - there).max() < 1e-3 * np.abs(there - made.position).max() and np.abs(v).max() < 1e-3

@@ -11,6 +11,7 @@ from tetrahedra_scenes import BODY, FREE, moving, tetrahedra_scene
 from softlab.app.driver import open_simulation
 from softlab.bench.reference import tetrahedra_voxels as reference
 from softlab.bench.reference.finite_elements import Body
+from softlab.bench.reference.tetrahedra import Method
 from softlab.model.base.errors import SceneError
 from softlab.model.scene.scene import Scene
 from softlab.model.tetrahedra.constraints import SHAPES, VOLUMES, constraint_sets, tetrahedra_of_sets
@@ -33,8 +34,8 @@ def test_states_are_the_references(name: str) -> None:
     place[chosen] = np.arange(len(chosen))
     voxels = [np.sort(place[np.flatnonzero(found.patch == found.patch[one])]) for one in first]
     position, velocity = reference.simulate(
-        body, begin.position, begin.velocity, begin.inverse_mass, shapes.sweep, voxels, method.dt / method.substeps,
-        STEPS * method.substeps, method.iterations, (0.0, -9.81, 0.0), part.damping,
+        body, begin.position, begin.velocity, begin.inverse_mass, voxels, method.dt / method.substeps,
+        STEPS * method.substeps, Method(shapes.sweep, method.iterations, (0.0, -9.81, 0.0), part.damping),
     )  # fmt: skip
     with open_simulation(scene, "cpu", initial=begin, precision="float64", math="exact", threads=1) as simulation:
         simulation.advance(STEPS)

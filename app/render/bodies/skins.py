@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import ctypes
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from softlab.app.render.bodies.shaders import ACROSS
 from softlab.app.render.vertex_arrays import NORMAL, POSITION, delete_all, static_buffer, vertex_array
 from softlab.model.particles.body_set import Copy
+
+if TYPE_CHECKING:
+    from pyglet.graphics.shader import ShaderProgram
 
 CLUSTER, WEIGHT = 2, 3  # where the shaders of app/render/bodies/shaders.py look for them
 
@@ -39,7 +42,7 @@ class Skins:
         gl.glBindVertexArray(0)
         gl.glBindBuffer(gl.GL_ARRAY_BUFFER, 0)
 
-    def draw(self, program: Any) -> None:
+    def draw(self, program: ShaderProgram) -> None:
         """Draw the skins with the SKINNING `program`, which must be in use."""
         from pyglet import gl
 

@@ -5,7 +5,6 @@ clusters on the graphics card, with what they collide with and a ground. The win
 from __future__ import annotations
 
 from itertools import groupby
-from typing import Any
 
 import numpy as np
 
@@ -13,7 +12,7 @@ from softlab.app.render import colours, shaders
 from softlab.app.render.bodies import shaders as body_shaders
 from softlab.app.render.bodies.skinning import ClusterFrames
 from softlab.app.render.bodies.skins import ClusterTexture, Skins
-from softlab.app.render.camera3d import Camera3D
+from softlab.app.render.camera import Camera
 from softlab.app.render.detail import FINE, Detail
 from softlab.app.render.opengl import shader_program
 from softlab.app.render.particle_colours import COLOURINGS, cluster_colours, particle_colours
@@ -28,7 +27,7 @@ from softlab.app.render.vertex_arrays import (
     uniform_matrix,
     vertex_array,
 )
-from softlab.app.render.view import View
+from softlab.app.render.view import Shining, View
 from softlab.model.core.simulation import Simulation
 from softlab.model.core.spare import copies_there
 from softlab.model.scene.scene import Scene
@@ -118,7 +117,7 @@ class BodiesView(View):
         self._skin_shadow["clusters"] = 0
         self._skin_shadow.stop()
 
-    def _lits(self) -> list[Any]:
+    def _lits(self) -> list[Shining]:
         return [*super()._lits(), self._lit_skin, self._balls]
 
     # ------------------------------------------------------------------ the state
@@ -174,27 +173,24 @@ class BodiesView(View):
 
     def toggle_lines(self) -> bool:
         """Exchange particles and skin. Returns True if particles are shown now."""
-        self.particles, self.skin = not self.lines, self.lines
+        self._show(not self.lines, self.lines)
         return self.lines
 
-    @property
-    def lines(self) -> bool:  # type: ignore[override]
-        """True if particles are shown and no skin."""
-        return not self.skin
+    def _show(self, particles: bool, skin: bool) -> None:
+        """Show particles and skins, or one of them."""
+        self.particles, self.skin, self.lines = particles, skin, not skin
 
     def toggle_particles(self) -> None:
         """Show or hide the particles; without a skin they stay."""
-        self.particles = not self.particles
-        self.skin |= not self.particles
+        self._show(not self.particles, self.skin or self.particles)
 
     def toggle_skin(self) -> None:
         """Show or hide the skin; without it the particles are shown."""
-        self.skin = not self.skin
-        self.particles |= not self.skin
+        self._show(self.particles or self.skin, not self.skin)
 
     # ------------------------------------------------------------------ the picture
 
-    def _draw_solid(self, camera: Camera3D, strain_range: float) -> None:
+    def _draw_solid(self, camera: Camera, strain_range: float) -> None:
         if self.links:
             self._draw_links(camera)
         if self._inside:
@@ -207,7 +203,7 @@ class BodiesView(View):
         """True if particles, clusters or links are drawn inside the skin."""
         return self.particles or self.clusters or self.links
 
-    def _draw_links(self, camera: Camera3D) -> None:
+    def _draw_links(self, camera: Camera) -> None:
         from pyglet import gl
 
         program = self._line_program
@@ -217,13 +213,13 @@ class BodiesView(View):
         draw_elements(self._lines, gl.GL_LINES, self._link_ends)
         program.stop()
 
-    def _draw_spheres(self, camera: Camera3D) -> None:
+    def _draw_spheres(self, camera: Camera) -> None:
         size = SMALL if self.skin or self.clusters or self.links else 1.0
         particles = [(self._spheres, self.scene.grid.particle_count, size)] if self.particles else []
         middles = [(self._middles, self.frames.count, 1.0)] if self.clusters else []
         self._balls.draw(camera, self._target.samples > 1, particles + middles)
 
-    def _draw_skins(self, camera: Camera3D, cover: float) -> None:
+    def _draw_skins(self, camera: Camera, cover: float) -> None:
         self._lit_skin.use(camera)
         self._lit_skin.program["cover"] = cover
         self._cluster_texture.bind()
@@ -232,21 +228,21 @@ class BodiesView(View):
             skins.draw(self._lit_skin.program)
         self._lit_skin.program.stop()
 
-    def _draw_shadows(self, camera: Camera3D, time: float) -> None:
+    def _draw_shadows(self, camera: Camera, time: float) -> None:
         shade = self._shade_skins if self.skin else self._shade_spheres
         self._scenery.draw_shadows(camera, time, self.lowest, [], [shade])
 
-    def _shade_skins(self, camera: Camera3D, flatten: np.ndarray, centre: np.ndarray) -> None:
+    def _shade_skins(self, camera: Camera, flatten: np.ndarray, centre: np.ndarray) -> None:
         use_shadow(self._skin_shadow, camera, flatten, centre)
         self._cluster_texture.bind()
         for skins in self._skins:
             skins.draw(self._skin_shadow)
         self._skin_shadow.stop()
 
-    def _shade_spheres(self, camera: Camera3D, flatten: np.ndarray, centre: np.ndarray) -> None:
+    def _shade_spheres(self, camera: Camera, flatten: np.ndarray, centre: np.ndarray) -> None:
         self._balls.shade(camera, flatten, centre, (self._spheres, self.scene.grid.particle_count, 1.0))
 
-    def _draw_over(self, camera: Camera3D, selected: int | None) -> None:
+    def _draw_over(self, camera: Camera, selected: int | None) -> None:
         from pyglet import gl
 
         if self.skin and self._inside:

@@ -13,8 +13,7 @@ W. van der Laan, S. Green, M. Sainz, "Screen Space Fluid Rendering with Curvatur
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -101,7 +100,7 @@ class FluidSurface:
         self._array = self._particles(position_buffer)
         self._result = DEPTH  # which picture holds the depth that counts
 
-    def _particles(self, position_buffer: int) -> Any:
+    def _particles(self, position_buffer: int) -> ctypes.c_uint:
         from pyglet import gl
 
         array = gl.GLuint()
@@ -129,7 +128,9 @@ class FluidSurface:
 
     # ------------------------------------------------------------------ the particles
 
-    def set_appearance(self, radius: float, absorption: Any = WATER, axes: np.ndarray | None = None) -> None:
+    def set_appearance(
+        self, radius: float, absorption: Sequence[float] | np.ndarray = WATER, axes: np.ndarray | None = None
+    ) -> None:
         """Draw particles as balls of `radius` [m], or as the ellipsoids into which `axes` (count, 3, 3) [m] map the
         unit ball.
 
@@ -212,7 +213,7 @@ class FluidSurface:
 
     def _blur(self, camera: Camera3D) -> None:
         """Blur the thickness, with the picture of normals as scratch."""
-        lengths: dict[str, Any] = {"half_width": BLUR * self._radius, "focal": camera.focal}
+        lengths: dict[str, object] = {"half_width": BLUR * self._radius, "focal": camera.focal}
         for source, goal, axis in ((THICKNESS, NORMALS, (1, 0)), (NORMALS, THICKNESS, (0, 1))):
             self._draw("blur", goal, {"thickness": source, "depth": self._result}, lengths | {"axis": axis})
 
@@ -221,7 +222,7 @@ class FluidSurface:
         name: str,
         goal: int,
         pictures: dict[str, int],
-        values: Mapping[str, Any],
+        values: Mapping[str, object],
         size: tuple[int, int] | None = None,
     ) -> None:
         """Run a program for every pixel of the picture `goal`, or its first `size`; it reads `pictures` by the names of its
@@ -246,7 +247,7 @@ class FluidSurface:
         self._draw("gather", NORMALS, {"depth": DEPTH}, {"cell": cell}, size)
         for source, goal, axis in ((NORMALS, THICKNESS, (1, 0)), (THICKNESS, NORMALS, (0, 1))):
             self._draw("bell", goal, {"cells": source}, {"axis": axis, "last": last, "wide": wide}, size)
-        how: dict[str, Any] = {"cell": cell, "last": last, "wide": wide, "apart": APART * self._radius}
+        how: dict[str, object] = {"cell": cell, "last": last, "wide": wide, "apart": APART * self._radius}
         self._draw("outline", OUTLINE, {"depth": DEPTH, "cells": NORMALS}, how)
 
     def _filter(self, camera: Camera3D) -> None:
@@ -254,7 +255,7 @@ class FluidSurface:
         self._result = OUTLINE
         for name, axis, lengths in STEPS[self.filtered]:
             goal = OTHER_DEPTH if self._result == DEPTH else DEPTH
-            values: dict[str, Any] = {uniform: length * self._radius for uniform, length in lengths.items()}
+            values: dict[str, object] = {uniform: length * self._radius for uniform, length in lengths.items()}
             values |= {"axis": axis} if axis else {}
             values |= {"focal": camera.focal} if "focal" in self._programs[name].uniforms else {}
             self._draw(name, goal, {"depth": self._result}, values)
@@ -279,7 +280,7 @@ class FluidSurface:
         return image[::-1]
 
     @staticmethod
-    def _place(camera: Camera3D) -> dict[str, Any]:
+    def _place(camera: Camera3D) -> dict[str, object]:
         return {"focal": camera.focal, "middle": (camera.width / 2, camera.height / 2)}
 
     def shade(self, camera: Camera3D, frame: int) -> None:

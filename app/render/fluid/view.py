@@ -6,11 +6,11 @@ Each fluid has its colour, or particles are coloured by speed or by how far they
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
 from softlab.app.render import colours
+from softlab.app.render.camera import Camera
 from softlab.app.render.camera3d import Camera3D
 from softlab.app.render.detail import FINE, Detail
 from softlab.app.render.fluid.foam import NAMED, FoamLayer
@@ -19,7 +19,7 @@ from softlab.app.render.fluid.surface import FluidSurface
 from softlab.app.render.particle_colours import of_numbers
 from softlab.app.render.spheres import Spheres
 from softlab.app.render.vertex_arrays import delete_all, square_array, static_buffer, vertex_array
-from softlab.app.render.view import View
+from softlab.app.render.view import Shining, View
 from softlab.model.base.errors import InputError
 from softlab.model.core.simulation import Simulation
 from softlab.model.fluid.foam import FoamPoints
@@ -105,7 +105,7 @@ class FluidView(View):
         radius = np.full((len(colour), 1), self._radius)
         return np.ascontiguousarray(np.concatenate([colour, radius], axis=1), np.float32)
 
-    def _lits(self) -> list[Any]:
+    def _lits(self) -> list[Shining]:
         return [*super()._lits(), self._balls, self._surface]
 
     # ------------------------------------------------------------------ how it looks
@@ -149,7 +149,7 @@ class FluidView(View):
         self.vertices.send(self._buffers[0], self._appearance(self._fluid_colours))
 
     @property
-    def shows_levels(self) -> bool:  # type: ignore[override]
+    def shows_levels(self) -> bool:
         return self.lines and self.colouring in TITLES
 
     def level_legend(self) -> tuple[str, float] | None:
@@ -211,7 +211,7 @@ class FluidView(View):
 
     # ------------------------------------------------------------------ the picture
 
-    def _draw_solid(self, camera: Any, strain_range: float) -> None:
+    def _draw_solid(self, camera: Camera, strain_range: float) -> None:
         if self.lines and self.space:
             self._balls.draw(camera, self._target.samples > 1, [(self._discs, self.scene.grid.particle_count, 1.0)])
         elif not self.space:
@@ -223,23 +223,24 @@ class FluidView(View):
                 self._foam.draw(camera)
             self._plane.draw_colliders(camera, self._time)
 
-    def draw(self, camera: Any, strain_range: float, selected: int | None = None, time: float = 0.0) -> None:
+    def draw(self, camera: Camera, strain_range: float, selected: int | None = None, time: float = 0.0) -> None:
         if not self.space:
             self._time = time
         super().draw(camera, strain_range, selected, time)
 
-    def _draw_shadows(self, camera: Camera3D, time: float) -> None:
-        def shade(camera: Camera3D, flatten: np.ndarray, centre: np.ndarray) -> None:
+    def _draw_shadows(self, camera: Camera, time: float) -> None:
+        def shade(camera: Camera, flatten: np.ndarray, centre: np.ndarray) -> None:
             balls = (self._discs, 1.0) if self.lines else (self._shadows, SHADOW)
             self._balls.shade(camera, flatten, centre, (balls[0], self.scene.grid.particle_count, balls[1]))
 
         self._scenery.draw_shadows(camera, time, self.lowest, [], [shade])
 
-    def _draw_over(self, camera: Any, selected: int | None) -> None:
+    def _draw_over(self, camera: Camera, selected: int | None) -> None:
         from pyglet import gl
 
         if self.space and not self.lines:
             frame = (self.onto or self._target).frame
+            assert isinstance(camera, Camera3D)
             self._surface.passes(camera, frame)
             self._surface.shade(camera, frame)
             gl.glEnable(gl.GL_BLEND)

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from time import perf_counter
-from typing import Any
+from types import ModuleType
 
 from softlab.app.command.dear_imgui import load_imgui
 from softlab.app.window.panel.style import PanelStyle
@@ -27,7 +27,7 @@ class Context:
     is missing."""
 
     def __init__(self, style: PanelStyle | None = None):
-        self.imgui: Any = load_imgui()
+        self.imgui: ModuleType = load_imgui()
         self._context = self.imgui.create_context()
         self.make_current()  # it is not, where there is one already
         self.style = style or PanelStyle()

@@ -4,11 +4,15 @@ second binding to OpenGL beside it."""
 from __future__ import annotations
 
 from ctypes import c_void_p
-from typing import Any
+from types import ModuleType
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from softlab.app.render.opengl import shader_program
+
+if TYPE_CHECKING:
+    from imgui_bundle.imgui import ImTextureData
 
 VERTEX = """#version 330 core
 layout(location = 0) in vec2 place;
@@ -35,7 +39,7 @@ void main() { pixel = tint * texture(glyphs, texel); }
 class Drawing:
     """The buffers and textures of the panel. Needs the window's OpenGL 3.3 context, the same in every call."""
 
-    def __init__(self, imgui: Any):
+    def __init__(self, imgui: ModuleType):
         from pyglet import gl
 
         self._imgui = imgui
@@ -98,7 +102,7 @@ class Drawing:
         gl.glBindTexture(gl.GL_TEXTURE_2D, 0)
         self._program.stop()
 
-    def _renew(self, texture: Any) -> None:
+    def _renew(self, texture: ImTextureData) -> None:
         """Make, send anew or free a texture, as Dear ImGui wants it: its glyphs come as they are needed."""
         from pyglet import gl
 

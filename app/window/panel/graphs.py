@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from types import ModuleType
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from softlab.app.window.frame_times import BUDGET, FrameTimes
 from softlab.app.window.panel.style import PanelStyle
 
+if TYPE_CHECKING:
+    from imgui_bundle.imgui import ImDrawList
+
 HEIGHT = 74.0  # units
 NUMBER_MARGIN = 16.0  # units, over and under a curve for its numbers
 
 
-def _frame(imgui: Any, style: PanelStyle, height: float) -> tuple[Any, float, float, float, float]:
+def _frame(imgui: ModuleType, style: PanelStyle, height: float) -> tuple[ImDrawList, float, float, float, float]:
     """Draw an empty field as wide as the column. Returns (draw list, left, top, width, height) [pixels]."""
     corner, width = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail().x
     tall = height * style.unit
@@ -26,7 +30,9 @@ def _frame(imgui: Any, style: PanelStyle, height: float) -> tuple[Any, float, fl
     return lines, corner.x, corner.y, width, tall
 
 
-def _small(imgui: Any, style: PanelStyle, x: float, y: float, text: str, colour: str, right: bool = False) -> None:
+def _small(
+    imgui: ModuleType, style: PanelStyle, x: float, y: float, text: str, colour: str, right: bool = False
+) -> None:
     """Write a word of a graph that starts at `x`, or ends there."""
     imgui.push_font(style.plain, 12.0)
     across = imgui.calc_text_size(text).x if right else 0.0
@@ -39,7 +45,7 @@ def _digits(number: float) -> str:
     return f"{number:.0f}" if number >= 10 else f"{number:.2g}"
 
 
-def frame_times(imgui: Any, style: PanelStyle, times: FrameTimes) -> None:
+def frame_times(imgui: ModuleType, style: PanelStyle, times: FrameTimes) -> None:
     """Draw the last frames: a bar each, drawing on top of physics, and the line of 60 frames a second."""
     lines, left, top, width, tall = _frame(imgui, style, HEIGHT)
     unit, most = style.unit, times.range
@@ -72,7 +78,7 @@ def frame_times(imgui: Any, style: PanelStyle, times: FrameTimes) -> None:
 
 
 def curves(
-    imgui: Any,
+    imgui: ModuleType,
     style: PanelStyle,
     title: str,
     unit_word: str,

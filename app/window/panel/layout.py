@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from types import ModuleType
 
 from softlab.app.window.panel.sections.fields import parameters
 from softlab.app.window.panel.sections.files import files
@@ -35,7 +35,9 @@ SECTIONS: tuple[tuple[str, Callable[[PanelFrame], None], bool], ...] = (
 class Layout:
     """The panel over a viewer; `draw` lays out a frame of it. `every`: all of its sections are open at first."""
 
-    def __init__(self, imgui: Any, viewer: WindowProtocol, style: PanelStyle, state: PanelState, every: bool = False):
+    def __init__(
+        self, imgui: ModuleType, viewer: WindowProtocol, style: PanelStyle, state: PanelState, every: bool = False
+    ):
         self.every = state.every = every
         self.imgui, self.viewer, self.style, self.state = imgui, viewer, style, state
         self.frame = PanelFrame(Sliders(imgui, style, state), viewer, style, state)

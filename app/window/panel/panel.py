@@ -3,7 +3,7 @@ window. Closed it costs a comparison a frame."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 from softlab.app.command.dear_imgui import REMEDY, panel_available
 from softlab.app.window.panel.context import Context
@@ -11,6 +11,9 @@ from softlab.app.window.panel.layout import Layout
 from softlab.app.window.panel.state import PanelState
 from softlab.app.window.panel.style import SIZES, PanelStyle
 from softlab.app.window.window_protocol import WindowProtocol
+
+if TYPE_CHECKING:
+    from softlab.app.window.panel.drawing import Drawing
 
 MOST = 0.65  # of the window's width
 
@@ -27,7 +30,7 @@ class Panel:
         self.state = PanelState()
         self._context: Context | None = None
         self._layout: Layout | None = None
-        self._drawing: Any = None
+        self._drawing: Drawing | None = None
         self._names: dict[int, str] = {}  # of keys
         self._pressed_buttons: set[int] = set()  # buttons that went down over it
 
@@ -70,7 +73,7 @@ class Panel:
 
     def draw(self) -> None:
         """Draw the last frame of it over the window."""
-        if self._context is not None and self._context.frames:
+        if self._context is not None and self._drawing is not None and self._context.frames:
             self._drawing.draw(self.viewer.width, self.viewer.height)
 
     def widget_places(self) -> dict[str, list[int]] | None:
@@ -84,7 +87,8 @@ class Panel:
         """Free everything."""
         if self._context is not None:
             self._context.make_current()
-            self._drawing.delete()
+            if self._drawing is not None:
+                self._drawing.delete()
             self._context.close()
             self._context = None
         self.open = False

@@ -7,7 +7,7 @@ import re
 from collections.abc import Collection
 from dataclasses import dataclass
 from math import isfinite
-from typing import Any, Literal, get_args, get_origin
+from typing import Literal, get_args, get_origin
 
 from annotated_types import Ge, Gt, Le
 from pydantic.fields import FieldInfo
@@ -132,10 +132,11 @@ def _whole(info: FieldInfo) -> bool:
 def _range(field: str, info: FieldInfo, kind: str, value: float) -> tuple[float, float, bool]:
     """Return (lowest, highest value, True if logarithmic) of a slider about a `value`, within the bounds of the field."""
     marks = marks_of(info)
-    bounds: list[Any] = [mark.ge if isinstance(mark, Ge) else mark.gt for mark in marks if isinstance(mark, Ge | Gt)]
-    least = max(map(float, bounds), default=None)
+    bounds = [mark.ge if isinstance(mark, Ge) else mark.gt for mark in marks if isinstance(mark, Ge | Gt)]
+    least = max((float(bound) for bound in bounds if isinstance(bound, int | float)), default=None)
     above = any(isinstance(mark, Gt) for mark in marks)
-    most = min((float(mark.le) for mark in marks if isinstance(mark, Le)), default=None)  # type: ignore[arg-type]
+    limits = [mark.le for mark in marks if isinstance(mark, Le)]
+    most = min((float(limit) for limit in limits if isinstance(limit, int | float)), default=None)
     if field in MOST:
         return least or 0.0, float(MOST[field]), False
     if most is not None and most <= 1000:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from types import ModuleType
 
 from softlab.app.window.panel.scene_list import Entry, matching
 from softlab.app.window.panel.state import PanelState
@@ -15,7 +15,7 @@ NAME, TIP = 126.0, 300.0  # units: of the names' column, of the text of a toolti
 class Rows:
     """Rows of a panel in the frame that is being laid out. Widgets return a new value if it changed, else None."""
 
-    def __init__(self, imgui: Any, style: PanelStyle, state: PanelState):
+    def __init__(self, imgui: ModuleType, style: PanelStyle, state: PanelState):
         self.imgui, self.style, self.state = imgui, style, state
 
     # ------------------------------------------------------------------ text

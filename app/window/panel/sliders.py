@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from functools import partial
 from math import log
-from typing import Any
+from typing import Any, TypeVar
 
 from softlab.app.window.panel.parameters import Parameter
 from softlab.app.window.panel.rows import Rows
+
+T = TypeVar("T")
 
 RESET, ROUND = 26.0, 5.0  # units: of the button at the right, and of corners
 DIGITS = 6  # of a slider's value: it goes through 32-bit numbers
@@ -54,7 +57,7 @@ class Sliders(Rows):
         self.record_place(name)
         return bool(changed), float(new)
 
-    def filled(self, slider: Callable[[], tuple[bool, Any]], fraction: float) -> tuple[bool, Any]:
+    def filled(self, slider: Callable[[], tuple[bool, T]], fraction: float) -> tuple[bool, T]:
         """Return the result of `slider`, drawn as a field filled by `fraction`, 0 to 1."""
         imgui, unit = self.imgui, self.style.unit
         lines = imgui.get_window_draw_list()
@@ -79,7 +82,7 @@ class Sliders(Rows):
         lines.channels_merge()
         return result
 
-    def parameter(self, one: Parameter, now: Any, initial: Any) -> Any:
+    def parameter(self, one: Parameter, now: object, initial: object) -> object:
         """Draw the row of a field and return its new value, once it is to be applied to the scene: live fields at once,
         others on release. The button at the right restores the `initial` value of the scene."""
         imgui, state = self.imgui, self.state
@@ -87,7 +90,7 @@ class Sliders(Rows):
         self.name(one.label + unit, _tip(one))
         shown = state.pending.get(one.path, now)
         imgui.set_next_item_width(-(RESET + 8) * self.style.unit)
-        new: Any = None
+        new: object = None
         if one.kind == "truth":
             pressed, new = imgui.checkbox(f"##{one.path}", bool(shown))
             self.record_place(one.path)
@@ -113,7 +116,7 @@ class Sliders(Rows):
         self.record_place(one.path)
         return chosen
 
-    def _number(self, one: Parameter, shown: Any) -> Any:
+    def _number(self, one: Parameter, shown: Any) -> object:
         imgui = self.imgui
         if one.kind == "vector":
             return self._vector(one, shown)
@@ -123,13 +126,13 @@ class Sliders(Rows):
                 fraction_of(float(shown), one.low, one.high, False),
             )
             self.record_place(one.path)
-            new: Any = int(number)
+            new: float = int(number)
         else:
             changed, number = self._drag(one.path, shown, one.low, one.high, one.unit, one.logarithmic)
             new = rounded(number)
         return self._to_apply(one, new if changed else None, imgui.is_item_deactivated())
 
-    def _vector(self, one: Parameter, shown: Any) -> Any:
+    def _vector(self, one: Parameter, shown: Iterable[float]) -> object:
         """Draw three sliders in the place of one, along x, y and z; left of their middle is less than 0."""
         imgui, gap = self.imgui, 4 * self.style.unit
         width = (imgui.calc_item_width() - 2 * gap) / 3
@@ -140,7 +143,7 @@ class Sliders(Rows):
             imgui.set_next_item_width(width)
             label = f"##{one.path}.{'xyz'[axis]}"
             moved, number = self.filled(
-                lambda value=value, label=label: imgui.slider_float(label, value, one.low, one.high, "%.3g"),  # type: ignore[misc]
+                partial(imgui.slider_float, label, value, one.low, one.high, "%.3g"),
                 fraction_of(value, one.low, one.high, False),
             )
             self.record_place(f"{one.path}.{'xyz'[axis]}")
@@ -148,7 +151,7 @@ class Sliders(Rows):
             changed, let_go = changed or moved, let_go or imgui.is_item_deactivated()
         return self._to_apply(one, tuple(parts) if changed else None, let_go)
 
-    def _to_apply(self, one: Parameter, new: Any, let_go: bool) -> Any:
+    def _to_apply(self, one: Parameter, new: object, let_go: bool) -> object:
         """Return the value to apply to the scene now: a `new` live value at once, others once the slider is `let_go`."""
         if one.live:
             return new

@@ -20,7 +20,7 @@ class PanelState:
     open at first; `cancels`: a list of words is to close; `search`: text typed in the open list of scenes, `entries`:
     the scenes that it offers."""
 
-    pending: dict[str, Any] = field(default_factory=dict)
+    pending: dict[str, object] = field(default_factory=dict)
     history: History = field(default_factory=History)
     error: str = ""
     scene_file: str = ""

@@ -5,9 +5,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from types import ModuleType
+from typing import TYPE_CHECKING
 
 from softlab.app.render import colours
+
+if TYPE_CHECKING:
+    from imgui_bundle.imgui import ImFont
 
 WIDTH = 372.0  # units: of the column
 FONT_SIZE = 15.0  # units
@@ -74,8 +78,8 @@ class PanelStyle:
 
     theme: Theme = LIGHT
     unit: float = 1.0
-    plain: Any = None
-    bold: Any = None
+    plain: ImFont | None = None
+    bold: ImFont | None = None
 
     @property
     def dark(self) -> bool:
@@ -87,7 +91,7 @@ class PanelStyle:
         """Width of the column [pixels]."""
         return round(WIDTH * self.unit)
 
-    def load_fonts(self, imgui: Any) -> None:
+    def load_fonts(self, imgui: ModuleType) -> None:
         """Load Roboto, which comes with Dear ImGui's package; without it the built-in font."""
         import imgui_bundle
 
@@ -97,7 +101,7 @@ class PanelStyle:
             if (folder / file).exists():
                 setattr(self, name, atlas.add_font_from_file_ttf(str(folder / file), FONT_SIZE))
 
-    def apply(self, imgui: Any) -> None:
+    def apply(self, imgui: ModuleType) -> None:
         """Make it the current context's style."""
         style, unit, theme = imgui.get_style(), self.unit, self.theme
         pairs = {
@@ -128,6 +132,6 @@ class PanelStyle:
             for name in names.split():
                 style.set_color_(int(getattr(imgui.Col_, name)), imgui.ImVec4(*colour, 1.0))
 
-    def colour(self, imgui: Any, name: str, alpha: float = 1.0) -> int:
+    def colour(self, imgui: ModuleType, name: str, alpha: float = 1.0) -> int:
         """Return a colour of the theme in Dear ImGui's packed form."""
         return int(imgui.color_convert_float4_to_u32(imgui.ImVec4(*getattr(self.theme, name), alpha)))

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from softlab.bench.reference.cache import cached_arrays, sources
-from softlab.bench.reference.finite_elements import mode_shapes
+from softlab.bench.reference.finite_elements import Body, mode_shapes
 from softlab.bench.reference.finite_elements_newton import nonlinear_static
 from softlab.model.base.disk_cache import cache_folder, write_arrays
 from softlab.model.scene.scene import Scene
@@ -114,9 +114,9 @@ def exact_rest(across: int) -> np.ndarray:
     def make() -> dict[str, np.ndarray]:
         gravity = 0.0, -WEIGHT * REFERENCE, 0.0
         start = cached_arrays(begun, shapes, lambda: {"position": mesh.position})["position"]
+        body = Body.of(mesh.position, mesh.tetrahedra, "fixed-corotated", REFERENCE, POISSON)
         position = nonlinear_static(
-            mesh.position, mesh.tetrahedra, REFERENCE, POISSON, fixed, "fixed-corotated", gravity=gravity, density=DENSITY,
-            start=start, watch=lambda x: write_arrays(begun, {"position": x}),
+            body, fixed, gravity=gravity, density=DENSITY, start=start, watch=lambda x: write_arrays(begun, {"position": x}),
         )  # fmt: skip
         begun.unlink(missing_ok=True)
         return {"position": position}

@@ -38,8 +38,8 @@ def _load() -> tuple[Any, Any, Any]:
 @cache
 def _make_forms() -> tuple[Any, Any]:
     """Make (the force, the stiffness) as integrands of a displacement."""
-    wp: Any = load_warp()
-    fem: Any = _load()[0]
+    wp = load_warp()
+    fem = _load()[0]
 
     @wp.func
     def cofactor(a: wp.mat33):
@@ -69,7 +69,7 @@ def _make_forms() -> tuple[Any, Any]:
 
 @cache
 def _make_kernels() -> tuple[Any, Any, Any]:
-    wp: Any = load_warp()
+    wp = load_warp()
 
     @wp.kernel(enable_backward=False, module="unique")
     def aim_at(u: wp.array(dtype=wp.vec3), v: wp.array(dtype=wp.vec3), gravity: wp.vec3, h: float,

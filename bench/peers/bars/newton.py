@@ -18,6 +18,7 @@ is explicit and undamped, and gets the fewest substeps that the fastest vibratio
 from __future__ import annotations
 
 import math
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -105,7 +106,7 @@ class _Body(Replayed):
             raise ValueError("an odd number of substeps leaves the state in the other buffer")
         self._h = scene.method.dt / self._substeps
         self._model = self._build(newton, scene, body.position, solver)
-        how: dict[str, Any] = {} if iterations is None else {"iterations": iterations}
+        how: dict[str, int] = {} if iterations is None else {"iterations": iterations}
         if solver == "SolverVBD":
             how["particle_enable_self_contact"] = False
         self._solver = getattr(newton.solvers, solver)(self._model, **how)
@@ -116,7 +117,7 @@ class _Body(Replayed):
         self._capture()
         self.load(body.position, body.velocity)
 
-    def _build(self, newton: Any, scene: Scene, position: np.ndarray, solver: str) -> Any:
+    def _build(self, newton: ModuleType, scene: Scene, position: np.ndarray, solver: str) -> Any:
         mesh, (mu, lam) = scene.tetrahedra_set, lame_of(scene)
         if solver == "SolverSemiImplicit":
             mu, lam = 4 / 3 * mu, lam + 5 / 6 * mu

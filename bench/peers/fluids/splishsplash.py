@@ -17,11 +17,12 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from softlab.bench.peers.base import Opened, Peer, PeerError
+from softlab.model.base.disk_cache import save_arrays
+from softlab.model.base.table import Table
 from softlab.model.core.build import build
 from softlab.model.scene.scene import Scene
 from softlab.model.tables.cloth import Plane
@@ -116,7 +117,7 @@ class _Process(Opened):
         paths = [str(links), *filter(None, [os.environ.get("LD_LIBRARY_PATH")])]
         return os.environ | {"LD_LIBRARY_PATH": os.pathsep.join(paths), "OMP_NUM_THREADS": str(threads)}
 
-    def _reply(self) -> dict[str, Any]:
+    def _reply(self) -> Table:
         assert self._process.stdout is not None
         line = self._process.stdout.readline()
         if not line:
@@ -124,10 +125,10 @@ class _Process(Opened):
             self._said.seek(0)
             last = self._said.read().strip().splitlines()[-1:] or ["it said nothing"]
             raise PeerError(f"its process ended with status {status}: {last[0]}")
-        reply: dict[str, Any] = json.loads(line)
+        reply: Table = json.loads(line)
         return reply
 
-    def _ask(self, words: str) -> dict[str, Any]:
+    def _ask(self, words: str) -> Table:
         assert self._process.stdin is not None
         self._process.stdin.write(words + "\n")
         self._process.stdin.flush()
@@ -143,7 +144,8 @@ class _Process(Opened):
         space = {name: np.zeros((len(position), 3), np.float32) for name in ("position", "velocity")}
         space["position"][:, : self._axes] = np.asarray(position) * self._larger
         space["velocity"][:, : self._axes] = np.asarray(velocity) * self._larger**0.5
-        np.savez(self._path / "load.npz", **space)  # type: ignore[arg-type]
+        with open(self._path / "load.npz", "wb") as opened:
+            save_arrays(opened, space)
         self._ask("load")
 
     def read(self) -> tuple[np.ndarray, np.ndarray]:
@@ -173,7 +175,7 @@ def scale_of(scene: Scene) -> float:
     return float(2 * RADIUS / scene.fluid_set.spacing)
 
 
-def scene_of(scene: Scene, method: int) -> dict[str, Any]:
+def scene_of(scene: Scene, method: int) -> Table:
     """Return the scene in its format: its usual settings and size, the lab's fluid and walls."""
     (part,) = scene.fluids.values()
     flat = scene.dimensions == 2

@@ -9,11 +9,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
 from softlab.model.base.errors import SceneError
+from softlab.model.particles.particle_set import ParticleSet
+from softlab.model.scene.scene import Scene
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,11 +32,11 @@ class Apart:
     counted: str
     first_particle: np.ndarray
     attribute: str
-    some: Callable[[int, int], Any]
+    some: Callable[[int, int], ParticleSet]
     clusters: Callable[[int, int], np.ndarray]
 
 
-def require_apart(scene: Any) -> None:
+def require_apart(scene: Scene) -> None:
     """Raise SceneError for a scene's contacts, which let bodies collide."""
     if scene.contact is not None:
         reason = (

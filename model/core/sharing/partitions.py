@@ -12,11 +12,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
 from softlab.model.base.errors import SceneError
+from softlab.model.particles.particle_set import ParticleSet
 
 Window = tuple[np.ndarray, np.ndarray]  # particles, elements, both ascending int64: global numbers
 
@@ -38,7 +38,7 @@ class SharedMesh:
     counted: str
     exchanges: int
     attribute: str
-    some: Callable[[Window], Any]
+    some: Callable[[Window], ParticleSet]
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from softlab.model.base.types import Real
 from softlab.model.core.build import build, starts
 from softlab.model.core.options import PRECISIONS
 from softlab.model.scene.scene import Scene
@@ -28,7 +27,7 @@ def resolution_line(scene: Scene, precision: str) -> str | None:
         return None
     height = float(np.abs(starts(scene, build(scene).position)[:, 1]).max())
     with np.errstate(over="ignore"):
-        real: Any = PRECISIONS[precision]
+        real: Real = PRECISIONS[precision]
         ulp = float(np.spacing(real(height)))
     if not ulp > fall:
         return None

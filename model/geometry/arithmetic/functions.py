@@ -10,10 +10,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from decimal import Context, Decimal, Overflow, localcontext
 from math import isinf, isnan
-from typing import Any
+from typing import TypeVar, overload
 
 import numpy as np
 
+Value = TypeVar("Value", float, np.ndarray)
 DIGITS = 60
 TWO_OVER_PI = 6.36619772367581382433e-01
 PARTS_OF_HALF_PI = (
@@ -31,7 +32,11 @@ COSINE = (
 )  # fmt: skip
 
 
-def sine_and_cosine(angle: Any) -> tuple[Any, Any]:
+@overload
+def sine_and_cosine(angle: float) -> tuple[float, float]: ...
+@overload
+def sine_and_cosine(angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]: ...
+def sine_and_cosine(angle: float | np.ndarray) -> tuple[float, float] | tuple[np.ndarray, np.ndarray]:
     """Return (sine, cosine) of an array or a number [rad]."""
     x = np.asarray(angle, dtype=np.float64)
     quarter = np.rint(x * TWO_OVER_PI)
@@ -48,12 +53,12 @@ def sine_and_cosine(angle: Any) -> tuple[Any, Any]:
     return (sine, cosine) if x.ndim else (float(sine), float(cosine))
 
 
-def sine(angle: Any) -> Any:
+def sine(angle: Value) -> Value:
     """Return the sine of an array or a number [rad]."""
     return sine_and_cosine(angle)[0]
 
 
-def cosine(angle: Any) -> Any:
+def cosine(angle: Value) -> Value:
     """Return the cosine of an array or a number [rad]."""
     return sine_and_cosine(angle)[1]
 
@@ -82,7 +87,7 @@ def _cosine_near(x: np.ndarray, tail: np.ndarray) -> np.ndarray:
     return np.asarray(whole + (((1.0 - whole) - half) + (z * rest - x * tail)))
 
 
-def _each(values: Any, function: Callable[[Decimal], Decimal], special: Callable[[float], float]) -> Any:
+def _each(values: Value, function: Callable[[Decimal], Decimal], special: Callable[[float], float]) -> Value:
     """Return `function`, with DIGITS digits, of each value of an array or a number; `special` of values that are not
     finite. Equal values are computed once."""
     array = np.asarray(values, dtype=np.float64)
@@ -93,20 +98,20 @@ def _each(values: Any, function: Callable[[Decimal], Decimal], special: Callable
         for k, one in enumerate(different.tolist()):
             computed[k] = special(one) if isinf(one) or isnan(one) else float(function(Decimal(one)))
     result = computed[place.reshape(array.shape)]
-    return result if array.ndim else float(result)
+    return result if isinstance(values, np.ndarray) else float(result)
 
 
-def expm1(values: Any) -> Any:
+def expm1(values: Value) -> Value:
     """exp(x) - 1."""
     return _each(values, lambda x: x if abs(x) < Decimal("1e-40") else x.exp() - 1, lambda x: -1.0 if x < 0 else x)
 
 
-def log1p(values: Any) -> Any:
+def log1p(values: Value) -> Value:
     """log(1 + x) of x over -1."""
     return _each(values, lambda x: x if abs(x) < Decimal("1e-40") else (1 + x).ln(), lambda x: x)
 
 
-def whole_power(value: Any, exponent: int) -> Any:
+def whole_power(value: Value, exponent: int) -> Value:
     """x^n for a whole number of at least 1, x times x times x ..., from the left."""
     product = value
     for _ in range(exponent - 1):
@@ -114,7 +119,7 @@ def whole_power(value: Any, exponent: int) -> Any:
     return product
 
 
-def power(values: Any, exponent: float) -> Any:
+def power(values: Value, exponent: float) -> Value:
     """x^exponent of finite x of at least 0, and an exponent over 0."""
     exact_exponent = Decimal(exponent)
     return _each(values, lambda x: (exact_exponent * x.ln()).exp() if x else x, lambda x: x)

@@ -6,13 +6,14 @@ from math import fsum
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 SWEEPS = (
     8  # of Jacobi's rotations: a 3 x 3 matrix is diagonal to rounding after four or five (it converges quadratically)
 )
 
 
-def dot(a: Any, b: Any) -> Any:
+def dot(a: ArrayLike, b: ArrayLike) -> Any:
     """Return (...,): the sum over the last, short axis of a b, from the first product to the last."""
     a, b = np.asarray(a), np.asarray(b)
     partial_sum = a[..., 0] * b[..., 0]
@@ -21,7 +22,7 @@ def dot(a: Any, b: Any) -> Any:
     return partial_sum
 
 
-def norm(vectors: Any) -> Any:
+def norm(vectors: ArrayLike) -> Any:
     """Return (...,): the length of vectors along the last axis: the root of `dot`; neither over- nor underflow is
     mended."""
     return np.sqrt(dot(vectors, vectors))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -25,7 +24,7 @@ def read_gltf(data: bytes, path: Path) -> Faces:
         raise InputError("its meshes are compressed (Draco or meshopt); export it without compression")
     kind = path.suffix.lower()[1:]
     try:
-        loaded: Any = trimesh.load_scene(
+        loaded = trimesh.load_scene(
             io.BytesIO(data), file_type=kind, resolver=FilePathResolver(str(path.absolute())), skip_materials=True,
             process=False, merge_primitives=False,
         )  # fmt: skip

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from softlab.model.base.disk_cache import save_arrays
 from softlab.model.base.errors import InputError, SceneError
 from softlab.model.base.files import read_archive, replacing
 from softlab.model.geometry.formats.elements import Elements
@@ -60,7 +61,7 @@ def files_of(path: Path) -> tuple[Path, ...]:
 def write_arrays(path: Path, arrays: dict[str, np.ndarray]) -> None:
     """Write the arrays by name into `path`, an .npz file, completely or not at all. Raises InputError."""
     with replacing(path) as temporary, open(temporary, "wb") as opened:
-        np.savez(opened, **arrays)  # type: ignore[arg-type]
+        save_arrays(opened, arrays)
 
 
 def holds_tetrahedra(path: str | Path) -> bool:

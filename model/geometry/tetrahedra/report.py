@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -119,7 +118,7 @@ def report_of(
     hull_volume: float,
     density: float,
     notes: tuple[str, ...] = (),
-    voxels: tuple[int, Any, int] = (0, 0.0, 0),
+    voxels: tuple[int, float | np.ndarray, int] = (0, 0.0, 0),
     fractions: np.ndarray | None = None,
     surface: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> Report:

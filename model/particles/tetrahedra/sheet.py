@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -34,8 +33,8 @@ def sheet_of(name: str, part: Mesh, attached: Sequence[str], regions: Mapping[st
     """Return the cloth; `attached`: words for vertices that attachments pin. Raises SceneError, InputError."""
     mesh = mesh_of(part)
     position = mesh.position + part.origin
-    pins: Any = part.pinned
-    stated = pinned_vertices(part) if part.file is not None else pin_indices(pins, part.rows, part.columns)
+    by_rows = part.file is None
+    stated = pin_indices(part.pinned, part.rows, part.columns) if by_rows else pinned_vertices(part)
     try:
         more = [vertices_of(word, mesh.position, position, regions) for word in attached]
     except SceneError as error:

@@ -9,7 +9,7 @@ from softlab.model.scene.checks.solver import OF_MESHES
 from softlab.model.scene.checks.tetrahedra import check_tetrahedra
 from softlab.model.scene.members import members_of
 from softlab.model.scene.scene_parts import SceneParts
-from softlab.model.tables.bodies import BODY_KINDS
+from softlab.model.tables.bodies import BODY_KINDS, Placed
 from softlab.model.tables.cloth import CLOTH_KINDS, COLLIDER_KINDS, SPRING_KINDS
 from softlab.model.tables.kinds import KINDS
 from softlab.model.tables.method import OF_FLUIDS, OF_WORLDS
@@ -59,7 +59,7 @@ def _check_world(scene: SceneParts) -> None:
         raise SceneError("method.solver", method.solver, reason)
     if method.tetrahedra != "xpbd" and "tetrahedra" not in members_of(scene.kinds):
         raise SceneError("method.tetrahedra", method.tetrahedra, "applies to tetrahedral bodies; this scene has none")
-    for name, part in scene.all_of(*BODY_KINDS).items():
+    for name, part in scene.parts_of(Placed).items():
         if part.spare:
             raise SceneError(
                 f"{name}.spare", part.spare, "spare copies are supported in scenes of bodies only; leave it out"

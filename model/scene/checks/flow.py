@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from softlab.model.base.errors import SceneError
 from softlab.model.geometry.arithmetic.ordered import dot, norm
-from softlab.model.tables.cloth import COLLIDER_KINDS
+from softlab.model.scene.scene_parts import SceneParts
+from softlab.model.tables.cloth import Box, Capsule, Collider, Plane, Sphere
+from softlab.model.tables.colliders.distance_field import DistanceField
 from softlab.model.tables.flow import Emitter
 
 
-def fluid_of(scene: Any, name: str) -> int:
+def fluid_of(scene: SceneParts, name: str) -> int:
     """Return the index of an emitter's fluid. Raises SceneError."""
-    names, part = list(scene.fluids), scene.parts[name]
+    names, part = list(scene.fluids), scene.emitters[name]
     if part.fluid is None:
         return 0
     if part.fluid not in names:
@@ -22,7 +22,7 @@ def fluid_of(scene: Any, name: str) -> int:
     return names.index(part.fluid)
 
 
-def check_flow(scene: Any) -> None:
+def check_flow(scene: SceneParts) -> None:
     """Raise SceneError for an emitter without particles, too fast, or in a collider or a sink, for a capacity without
     an emitter, and for a sink of other dimensions."""
     axes, emptied = scene.dimensions, bool(scene.sinks)
@@ -55,7 +55,7 @@ def check_flow(scene: Any) -> None:
             raise SceneError(f"{name}.capacity", fluid.capacity, "applies to the fluid of an emitter; leave it out")
 
 
-def _check_nozzle(scene: Any, name: str, part: Emitter, rest_distance: float) -> None:
+def _check_nozzle(scene: SceneParts, name: str, part: Emitter, rest_distance: float) -> None:
     points = part.nozzle(rest_distance, scene.dimensions)
     if not len(points):
         field = "radius" if part.radius is not None else "size"
@@ -69,28 +69,28 @@ def _check_nozzle(scene: Any, name: str, part: Emitter, rest_distance: float) ->
             raise SceneError(f"{other}.{'point' if sink.shape == 'half-space' else 'center'}",
                              list(sink.point if sink.shape == "half-space" else sink.center),
                              f"the sink covers {name}: what comes from there would be gone at once")  # fmt: skip
-    for other, wall in scene.all_of(*COLLIDER_KINDS).items():
-        if in_wall(scene.kinds[other], wall, points).any():
+    for other, wall in scene.parts_of(Collider).items():
+        if in_wall(wall, points).any():
             raise SceneError(f"{name}.center", list(part.center), f"lies in {other}: move the nozzle out of it")
 
 
-def in_wall(kind: str, wall: Any, points: np.ndarray) -> np.ndarray:
+def in_wall(wall: Collider, points: np.ndarray) -> np.ndarray:
     """Return which points (n, 3) lie in a collider at time 0, (n,) bool; none in a mesh, which has no inside."""
-    if kind == "plane":
+    if isinstance(wall, Plane):
         normal = np.array(wall.normal) / norm(wall.normal)
         return np.asarray(dot(points - np.array(wall.point), normal) < 0)
-    if kind == "sphere":
+    if isinstance(wall, Sphere):
         return np.asarray(norm(points - np.array(wall.center)) < wall.radius)
-    if kind == "box":
+    if isinstance(wall, Box):
         return np.asarray((np.abs(points - np.array(wall.center)) < np.array(wall.half_size)).all(axis=1))
-    if kind == "capsule":
+    if isinstance(wall, Capsule):
         line = np.subtract(wall.end, wall.start)
         square = float(dot(line, line))
         away = points - np.array(wall.start)
         part = np.clip(dot(away, line) / square, 0, 1) if square > 0 else np.zeros(len(points))
         return np.asarray(norm(away - part[:, None] * line) < wall.radius)
     inside = np.zeros(len(points), bool)
-    if kind == "distance_field":
+    if isinstance(wall, DistanceField):
         places, field = points - np.array(wall.origin), wall.field
         last = field.low + field.spacing * (np.array(field.distance.shape) - 1)
         sampled = ((places >= field.low) & (places <= last)).all(axis=1)

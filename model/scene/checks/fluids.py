@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from sys import float_info
-from typing import Any
 
 from softlab.model.base.errors import SceneError
 from softlab.model.base.memory import MAX_PARTICLES, available_bytes, require
 from softlab.model.geometry.arithmetic.functions import whole_power
+from softlab.model.scene.scene_parts import SceneParts
 from softlab.model.tables.fluid import REPEATED, WIDER, Domain, Fluid
 
 PARTICLE_BYTES = 700  # on the host: state, sorted copies, a list of 64 neighbours
@@ -60,7 +60,7 @@ def check_fluids(parts: Mapping[str, Fluid], domain: Domain | None, domain_name:
             raise SceneError(f"{domain_name}.size", list(domain.size), reason)
 
 
-def check_among_solids(scene: Any) -> None:
+def check_among_solids(scene: SceneParts) -> None:
     """Raise SceneError for a scene of fluids that cannot interact with solids."""
     if scene.dimensions == 2:
         reason = "must be 3 where a fluid meets solids, which lie in space"

@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
 
 import numpy as np
 
 from softlab.model.base.errors import SceneError
 from softlab.model.base.pins import PIN_WORDS, pin_indices
+from softlab.model.base.table import Table
 from softlab.model.base.words import suggestion
 from softlab.model.scene.scene_parts import SceneParts
+from softlab.model.tables.attachment import Attachment
 from softlab.model.tables.attachment import pins as is_pinning
 from softlab.model.tables.kinds import SHEETS
+from softlab.model.tables.mesh import Mesh
 from softlab.model.tables.motion import ALL, RELEASE, Release, masses_of
+from softlab.model.tables.parts import Grid
 from softlab.model.tables.tetrahedra import TETRAHEDRAL_KINDS
-
-Table = dict[str, Any]
 
 
 def check_releases(scene: SceneParts) -> None:
@@ -37,7 +38,7 @@ def tables_without(scene: SceneParts, names: Iterable[str]) -> dict[str, Table]:
 
 def _let_go(scene: SceneParts, tables: dict[str, Table], name: str) -> None:
     """Remove the pins of the release `name` from the `tables`."""
-    release: Release = scene.all_of(RELEASE)[name]
+    release = scene.parts_of(Release)[name]
     holders = scene.all_of(*SHEETS, *TETRAHEDRAL_KINDS)
     if release.body not in (None, *holders):
         known = f"must be one of {', '.join(holders)}{suggestion(str(release.body), holders)}"
@@ -45,8 +46,8 @@ def _let_go(scene: SceneParts, tables: dict[str, Table], name: str) -> None:
     chosen = holders if release.body is None else {release.body: holders[release.body]}
     freed = False
     for holder, part in chosen.items():
-        free = _free_words if scene.kinds[holder] in TETRAHEDRAL_KINDS else _free_masses
-        freed |= free(tables[holder], part, release, name)
+        table = tables[holder]
+        freed |= _free_masses(table, part, release, name) if isinstance(part, Grid) else _free_words(table, release)
     freed |= _free_attachments(scene, tables, release)
     if not freed:
         reason = f"names no pin of {', '.join(chosen)} that is held until then; name those of `pinned`"
@@ -54,20 +55,20 @@ def _let_go(scene: SceneParts, tables: dict[str, Table], name: str) -> None:
     _end_motions(scene, tables, release)
 
 
-def _free_words(table: Table, part: Any, release: Release, name: str) -> bool:
+def _free_words(table: Table, release: Release) -> bool:
     """Unpin vertices of the tetrahedral body of this `table`; its other words stay. Returns whether there were any."""
     before = table["pinned"]
     table["pinned"] = [word for word in before if release.pins not in (ALL, word)]
     return len(table["pinned"]) < len(before)
 
 
-def _free_masses(table: Table, part: Any, release: Release, name: str) -> bool:
+def _free_masses(table: Table, part: Grid, release: Release, name: str) -> bool:
     """Unpin masses of the sheet of this `table`; the others become a list. Returns whether there were any."""
     before = table["pinned"]
     if release.pins in (ALL, before):
         table["pinned"] = "none"
         return before not in ("none", [])
-    if getattr(part, "file", None) is not None:
+    if isinstance(part, Mesh) and part.file is not None:
         if not (isinstance(before, list) and isinstance(release.pins, list)):
             return False
         table["pinned"] = [vertex for vertex in before if vertex not in release.pins] or "none"
@@ -80,14 +81,14 @@ def _free_masses(table: Table, part: Any, release: Release, name: str) -> bool:
     return len(left) < len(pinned)
 
 
-def _is_of_a_sheet(pins: Any) -> bool:
+def _is_of_a_sheet(pins: str | list[int] | list[tuple[int, int]]) -> bool:
     """True for masses of rows and columns, false for the name of a region or an attachment."""
     if isinstance(pins, str):
         return pins in PIN_WORDS or pins.startswith("every:")
     return not isinstance(pins[0], int)
 
 
-def _listed(masses: np.ndarray, columns: int) -> Any:
+def _listed(masses: np.ndarray, columns: int) -> list[list[int]] | str:
     """Return masses in the form of a sheet's `pinned`."""
     return [list(divmod(int(one), columns)) for one in masses] or "none"
 
@@ -97,7 +98,7 @@ def _free_attachments(scene: SceneParts, tables: dict[str, Table], release: Rele
     bodies = list(scene.all_of("mesh", *TETRAHEDRAL_KINDS))
     ended = [
         name
-        for name, part in scene.all_of("attachment").items()
+        for name, part in scene.parts_of(Attachment).items()
         if name in tables
         and release.body in (None, part.body)
         and (release.pins == name or (release.pins == ALL and is_pinning(part, bodies)))
@@ -123,7 +124,7 @@ def _end_motions(scene: SceneParts, tables: dict[str, Table], release: Release) 
             if over and (release.body is None or release.body in whose):
                 del tables[motion]
             continue
-        ((holder, part),) = scene.all_of(*SHEETS).items()
+        ((holder, part),) = scene.parts_of(Grid).items()
         moved = masses_of(table["pins"], part, f"{motion}.pins")
         left = np.intersect1d(moved, pin_indices(tables[holder]["pinned"], part.rows, part.columns))
         if not len(left):
@@ -138,6 +139,6 @@ def _words(tables: dict[str, Table], scene: SceneParts, body: str) -> list[str]:
     pinned = tables[body]["pinned"] if body in tables else []
     words = [] if pinned in ("none", []) else ["its pins"] if isinstance(pinned, str) else [str(one) for one in pinned]
     attached = [
-        part.vertices for name, part in scene.all_of("attachment").items() if name in tables and part.body == body
+        part.vertices for name, part in scene.parts_of(Attachment).items() if name in tables and part.body == body
     ]
     return words + attached

@@ -59,7 +59,7 @@ def check_solver(scene: SceneParts) -> None:
     if scene.motions:
         motions_of_pins(scene.grid, scene.motions)  # refuses motions of masses that are not pinned
     for name, load in scene.loads.items():
-        check_inside([load.at], scene.grid, f"{name}.at")
+        check_inside([load.at], scene.sheet, f"{name}.at")
     for check in CHECKS.get(scene.content, ()):
         check(scene)
 

@@ -10,7 +10,7 @@ from softlab.model.base.words import suggestion
 from softlab.model.scene.members import OF_PARTICLES
 from softlab.model.scene.scene_parts import SceneParts
 from softlab.model.tables.attachment import check_attachment
-from softlab.model.tables.cloth import COLLIDER_KINDS, CONSTRAINT_KINDS
+from softlab.model.tables.cloth import COLLIDER_KINDS, CONSTRAINT_KINDS, Collider
 from softlab.model.tables.kinds import KINDS
 from softlab.model.tables.method import OF_TETRAHEDRA as TETRAHEDRAL_SOLVERS
 from softlab.model.tables.motion import RELEASE
@@ -44,7 +44,7 @@ def check_tetrahedra(scene: SceneParts) -> None:
         raise SceneError("method.solver", method.solver, f"must be {reason} for tetrahedral bodies")
     if method.ordering != "gauss-seidel":
         raise SceneError("method.ordering", method.ordering, "must be gauss-seidel for tetrahedral bodies")
-    colliders = dict(scene.all_of(*COLLIDER_KINDS))
+    colliders = scene.parts_of(Collider)
     for name, attachment in scene.attachment_parts.items():
         check_attachment(name, attachment, scene.holdable, colliders)
         check_word(f"{name}.vertices", attachment.vertices, scene.regions)

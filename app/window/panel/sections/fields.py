@@ -57,7 +57,7 @@ def _material(frame: PanelFrame, fields: list[Parameter]) -> None:
             continue
         row = replace(one, path=f"{one.path} ")  # a row of its own, beside that of the table
         new = rows.parameter(row, scene.value(one.path), initial.value(one.path))
-        if new is not None:
+        if isinstance(new, int | float):
             demo.change_material_to(field, new)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from math import asin, atan2, degrees, radians
 
-from softlab.app.render.camera3d import MAX_PITCH
+from softlab.app.render.camera3d import MAX_PITCH, Camera3D
 from softlab.app.window.panel.sections.frame import PanelFrame
 
 LOWEST, HIGHEST = 10.0, 88.0  # degrees, of the light: flatter, shadows go on and on; straight above it has no turn
@@ -28,7 +28,7 @@ def view(frame: PanelFrame) -> None:
     """Lay out the camera's direction and distance, the light, and whether the camera follows."""
     viewer, rows = frame.viewer, frame.rows
     camera = viewer.camera
-    if viewer.space:
+    if isinstance(camera, Camera3D):
         yaw = (degrees(camera.yaw) + 180) % 360 - 180
         chosen = rows.slider("Rotation", yaw, -180, 180, "°")
         if chosen is not None:
