@@ -119,7 +119,7 @@ def open_simulation(
 
 
 def _open(scene: Scene, backend: str, options: Options, threads: str | int) -> Simulation:
-    """Return the scene's simulation on the backend. The other backend is not imported."""
+    """Return the scene's simulation on the backend. Does not import the other backend."""
     family = family_of(scene)
     if backend not in family.solvers:
         raise SceneError(

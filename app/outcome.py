@@ -12,7 +12,7 @@ OK, INCOMPLETE, DIVERGED = "ok", "incomplete", "diverged"
 
 
 def outcome_of(report: Mapping[str, Any], diverged: Diverged | None = None) -> str:
-    """Return the outcome of a run in one word. `report` contains the counts of FAULTS that apply to its scene."""
+    """Return the outcome of a run as one word. `report` contains the counts of FAULTS that apply to its scene."""
     if diverged is not None:
         return DIVERGED
     return INCOMPLETE if any(report.get(name) for name in FAULTS) else OK

@@ -1,4 +1,4 @@
-"""Scenes that several GPUs or processes share: options, opening, and the entries of a run's report."""
+"""Scenes on several GPUs or processes: options, opening, and the entries of a run's report."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def check_sharing(backend: str, gpus: int, ranks: int, link: str | None) -> None
 
 
 def check_asked(backend: str, gpus: int, ranks: int, exchange_every: int | None, link: str | None) -> None:
-    """Do what check_sharing does, and refuse options that need several GPUs or processes if there is only one."""
+    """Call check_sharing, and refuse options that need several GPUs or processes if there is only one."""
     check_sharing(backend, gpus, ranks, link)
     alone = gpus == 1 and ranks == 1 and launched_ranks() == 1
     for option, value in (("--link", link), ("--exchange-every", exchange_every)):
@@ -170,7 +170,7 @@ def sharing_report(simulation: Simulation) -> dict[str, Any]:
 
 
 def check_shared(processes: int, render: Path | None, export: str | None) -> None:
-    """Raise SceneError for what a run of several processes does not write: what goes on stepping while it is drawn."""
+    """Raise SceneError for output that a run of several processes does not write: clips, which step while drawing."""
     if processes == 1:
         return
     if render and render.suffix.lower() == ".mp4":

@@ -63,8 +63,7 @@ class Output(Console):
         return [_part(table, self._widened(table, least, natural, block, max_width), block) for block in blocks]
 
     def _span(self, column: Column) -> tuple[int, int]:
-        """Return the least and the most characters that a column can use: without a cell cut, and without anything
-        folded."""
+        """Return the minimum and maximum width of a column [characters]: with no cell cut, and with nothing folded."""
         options = self.options.update(width=UNBOUNDED)
         head = Measurement.get(self, options, column.header)
         cells = [Measurement.get(self, options, cell) for cell in column.cells]
@@ -80,7 +79,7 @@ class Output(Console):
     def _widened(
         self, table: Table, least: Sequence[int], natural: Sequence[int], columns: Sequence[int], max_width: int
     ) -> list[int]:
-        """Return the least widths, plus the remaining characters, divided among the columns that can use them."""
+        """Return the minimum widths plus the remaining characters, divided among the columns that can use them."""
         widths = list(least)
         spare = max_width - self._width_of(table, widths, columns)
         while spare > 0 and (tight := [index for index in columns if widths[index] < natural[index]]):
@@ -97,7 +96,7 @@ def _names(columns: Sequence[Column]) -> list[int]:
 
 
 def _part(table: Table, widths: Sequence[int], columns: Sequence[int]) -> Table:
-    """Return a table of these columns only, with these widths and without the title."""
+    """Return a table with these columns and widths only, without the title."""
     part = copy.copy(table)
     part.title = None
     part.columns = []

@@ -1,4 +1,4 @@
-"""The doctor's findings on grids on several GPUs or processes: requirements of each kind of communication."""
+"""Findings of `softlab doctor` about several GPUs or processes: requirements of each kind of communication."""
 
 from __future__ import annotations
 

@@ -227,7 +227,7 @@ def _advance(
     simulation: Simulation, steps: int, observers: Sequence[Observer], progress: bool
 ) -> tuple[float, Diverged | None]:
     """Advance the simulation. Returns (seconds of stepping alone, the divergence that ended it or None). `observers`
-    get the states during the run."""
+    receive the states during the run."""
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
     from softlab.app.output.bar import Bar

@@ -34,7 +34,7 @@ MIN_SIZE, MAX_SIZE = 16, 16384  # pixels
 
 @dataclass(frozen=True)
 class Fitted:
-    """A view and the largest strain of the range of colours, which contain every state they were fitted to."""
+    """A view and a range of colours that contain every state they were fitted to."""
 
     camera: Any
     strain_range: float
@@ -43,11 +43,12 @@ class Fitted:
 class OffscreenRenderer:
     """Draws states of one scene into a picture of `width` x `height` pixels; a context manager.
 
-    `draw(position)` draws and waits until it is drawn, `image()` returns the pixels. `legend=False` omits all text. The
-    view and the range of colours are those of `fit` (the rest state and a strain of 0.5 before its first call). A cloth
-    is drawn as a lit surface, or with `lines` as springs coloured by strain, with the legend; bodies as their skins, or
-    with `lines` as particles. `view_options`: how tetrahedra or fluids are drawn, of VIEW_OPTIONS in their view. Raises
-    BackendUnavailable if off-screen OpenGL or a font is missing, InputError for an impossible size.
+    `draw(position)` draws and waits until it is drawn, `image()` returns the pixels. `legend=False` omits all text.
+    `fit` sets the view and the range of colours; before its first call they are those of the rest state and of a
+    strain of 0.5. A cloth is drawn as a lit surface, or with `lines` as springs coloured by strain, with the legend;
+    bodies as their skins, or with `lines` as particles. `view_options`: how tetrahedra or fluids are drawn, of
+    VIEW_OPTIONS in their view. Raises BackendUnavailable if off-screen OpenGL or a font is missing, InputError for
+    an impossible size.
     """
 
     def __init__(
@@ -122,7 +123,8 @@ class OffscreenRenderer:
         self.camera.aim(self.scene.camera)
 
     def show_bodies(self, inverse_mass: np.ndarray | None) -> None:
-        """Hide bodies inactive by these inverse masses (particles,), as in State; None: when the scene starts."""
+        """Hide the bodies that these inverse masses (particles,), as in State, mark as inactive; None: those of the
+        start of the scene."""
         if self.scene.copies:
             self._weights = inverse_mass
             self._view.show_bodies(inverse_mass)
@@ -164,7 +166,7 @@ class OffscreenRenderer:
         """Draw a state (particles, dimensions) [m] and return when it is drawn. Raises InputError for other shapes.
 
         `time` [s] gives the positions of moving colliders; in space `normal` (particles, 3) are the cloth's, if known;
-        `velocity` (particles, dimensions) [m/s], if known, is for `wants_velocity`.
+        `velocity` (particles, dimensions) [m/s], if known, is used if `wants_velocity`.
         """
         self._window.switch_to()
         self._view.know(velocity, time)
@@ -172,7 +174,8 @@ class OffscreenRenderer:
         self._draw(time)
 
     def show(self, simulation: Simulation) -> None:
-        """Draw a simulation's current state and return when drawn; without the host's memory if its GPU also draws."""
+        """Draw a simulation's current state and return when it is drawn; the data stay on the GPU if the same one
+        draws."""
         self._window.switch_to()
         self._view.upload_from(simulation)
         self._draw(simulation.time)

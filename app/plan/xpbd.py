@@ -9,7 +9,7 @@ from softlab.model.scene.scene import Scene
 
 
 def _substep(plan: Plan, precision: str, note: str, memory_fraction: float = 1.0) -> tuple[Pass, ...]:
-    """Return the single pass that a fused kernel makes of a substep: it reads and writes the state and nothing else."""
+    """Return the single pass that a fused kernel makes of a substep: it reads and writes only the state."""
     substeps = plan.root.children[0].times  # type: ignore[union-attr]
     stages = list(plan.root.stages())
     each = stages[: len(stages) // substeps]

@@ -35,7 +35,7 @@ class Toggles(Protocol):
 
 
 class Taking(Protocol):
-    """Receiver of keys and mouse before the scene (app/window/panel/panel.py)."""
+    """Receives keys and mouse before the scene (app/window/panel/panel.py)."""
 
     open: bool
 
@@ -86,7 +86,7 @@ class WindowProtocol(Protocol):
 
 
 def panel_of(viewer: WindowProtocol) -> Any:
-    """Return the panel of a window, or what stands for it: closed, and A says what to install."""
+    """Return the panel of a window, or a substitute for it: closed, and A says what to install."""
     try:
         return component(PANEL, "the panel")(viewer)
     except BackendUnavailable as missing:

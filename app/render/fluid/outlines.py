@@ -1,4 +1,4 @@
-"""Colliders of a plane as something to draw: the lines in which they cut it. No OpenGL."""
+"""Outlines of colliders in a plane scene: the lines in which they cut the plane. No OpenGL."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ FAR = 40.0  # times the scene's size: how long the line of a half-plane is
 
 def outlines(scene: Scene, time: float, planes: bool = True) -> np.ndarray:
     """Return n lines by their ends (2 n, 2) float32 [m]: the sections of the colliders at `time` [s], with or without
-    planes. Meshes and fields have none."""
+    plane colliders. Meshes and fields have no outline."""
     lines = [np.zeros((0, 2))]
     for _, collider in scene.colliders:
         shift = time * np.array(getattr(collider, "velocity", (0.0, 0.0, 0.0)))[:2]
