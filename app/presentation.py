@@ -44,9 +44,8 @@ class Presentation:
     - `pieces(scene, position, matrices, inverse_mass)`: the moving parts for a file (app/output/pieces.py).
     - `amounts(scene, counts)`: the numbers of particles, springs and so on, in words; `brief`: the same in a window.
     - `counts(scene)`: the counts besides particles, by name; `size`: the size as the catalogue prints it.
-    - `report(simulation, state)`: additional entries of a run's report; `max_strain(scene, position, arrays)`: the size
-      of
-      the largest strain, None if it has none; `arrays`: those of the state.
+    - `report(simulation, state)`: additional entries of a run's report; `max_strain(scene, position, arrays)`: the
+      absolute value of the largest strain, None if it has none; `arrays`: those of the state.
     - `drawn(scene)`: the outputs besides positions that a clip draws, of `normal` and `velocity`.
     - `legend(scene)`: the title of the colours of its strains, None without.
     - `framed(scene, points, bounds, time)`: further points [m] that a picture in space must show at `time` [s], besides

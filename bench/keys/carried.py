@@ -66,7 +66,8 @@ def read_map(path: Path = MAP) -> Carried:
 
 @cache
 def proved() -> frozenset[tuple[str, str]]:
-    """(sources, configuration) of the committed measurements whose kernels are those of the code as it is now."""
+    """Return (sources, configuration) of the committed measurements whose kernels are those of the code as it is
+    now."""
     carried = read_map()
     current = {backend for backend in BACKENDS if carried.as_of.get(backend) == digest_of(backend)}
     return frozenset(

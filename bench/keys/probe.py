@@ -54,7 +54,7 @@ def recorded_calls(description: dict[str, Any]) -> list[Any]:
 
 
 def key(description: dict[str, Any], digests: Any) -> tuple[str, str]:
-    """(key of the kernels, key of the arrays) of a configuration."""
+    """Return (key of the kernels, key of the arrays) of a configuration."""
     from softlab.bench.keys.record import array_hash, arrays_of, combined
 
     calls = recorded_calls(description)

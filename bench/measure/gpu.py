@@ -14,7 +14,7 @@ FACTS = (
 
 
 def gpu_or_reason() -> tuple[bool, str]:
-    """(True, the device's name), or (False, why there is none and what to do)."""
+    """Return (True, the device's name), or (False, why there is none and what to do)."""
     try:
         from softlab.gpu_backend.core.device import gpu_available
     except ImportError as error:
@@ -50,8 +50,8 @@ def gpu_facts() -> dict[str, Any]:
 
 
 def nvml(number: int | None = None) -> tuple[Any, Any]:
-    """(NVML, its handle of the device that numba uses: the only one, or the one of its name; or of numba's device `number`);
-    None both, which can do nothing, where it cannot be had."""
+    """Return (NVML, its handle of the device that numba uses: the only one, or the one of its name; or of numba's
+    device `number`); None both, which can do nothing, where it cannot be had."""
     try:
         import pynvml
 

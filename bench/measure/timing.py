@@ -66,7 +66,7 @@ class Neighbours:
 
     @staticmethod
     def _now() -> tuple[float, float, float]:
-        """(clock, core seconds that all programs used, those of this one)."""
+        """Return (clock, core seconds that all programs used, those of this one)."""
         used = 0.0
         for core, times in enumerate(psutil.cpu_times(percpu=True)):
             if core in allowed_cores():

@@ -101,7 +101,7 @@ class Fluid(FluidSimulation, SubstepSimulation):
 
     @property
     def _fluid_of(self) -> np.ndarray:
-        """(particles,): the number of each particle's fluid."""
+        """Return (particles,): the number of each particle's fluid."""
         return self.scene.fluid_set.fluid
 
     @property

@@ -90,7 +90,7 @@ class Clusters:
 
     @cached_property
     def of_particle(self) -> tuple[np.ndarray, np.ndarray]:
-        """(offsets (particles + 1,), entries (entries,)) int32: each particle's entries, by their clusters."""
+        """Return (offsets (particles + 1,), entries (entries,)) int32: each particle's entries, by their clusters."""
         entries = np.arange(len(self.indices), dtype=np.int32)
         lists = grouped(self.indices, entries, len(self.mass))
         return lists.offsets, lists.indices

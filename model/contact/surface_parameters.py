@@ -69,7 +69,7 @@ class ContactSurface:
 
     @cached_property
     def at_particle(self) -> np.ndarray:
-        """(particles + 1,) int32: the offsets of `at_vertex`, by particle."""
+        """Return (particles + 1,) int32: the offsets of `at_vertex`, by particle."""
         lengths = np.zeros(len(self.rest), np.int32)
         lengths[self.vertices] = self.at_vertex.lengths
         return offsets_of(lengths)

@@ -50,8 +50,8 @@ class Samples:
 
     @cached_property
     def carriers(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """(offsets (particles + 1,) int32, samples (n,) int32, weights (n,) float64): the samples that each particle
-        carries, in their order."""
+        """Return (offsets (particles + 1,) int32, samples (n,) int32, weights (n,) float64): the samples that each
+        particle carries, in their order."""
         there = self.weights != 0
         sample, corner = np.nonzero(there)
         particle = self.corners[sample, corner]

@@ -63,7 +63,7 @@ def enforced_distance(distance, bx, by, bz, push):
 
 @formula
 def direction(dx, dy, dz, distance, first):
-    """(length, unit normal). Of two coincident particles the `first` moves down, the other one up."""
+    """Return (length, unit normal). Of two coincident particles the `first` moves down, the other one up."""
     length = sqrt(squared_length_3d(dx, dy, dz))
     if length > NOWHERE * distance:
         return length, dx / length, dy / length, dz / length

@@ -41,7 +41,7 @@ class MeshEdges:
 
     @property
     def boundary(self) -> np.ndarray:
-        """(edges,) bool: beside one triangle only."""
+        """Return (edges,) bool: beside one triangle only."""
         return self.triangles[:, 1] < 0
 
     @cached_property

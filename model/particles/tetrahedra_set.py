@@ -118,7 +118,7 @@ class TetrahedraSet(ParticleRow):
 
     @cached_property
     def edges(self) -> tuple[np.ndarray, np.ndarray]:
-        """(ends (edges, 2) int32, the lower one first, rows ascending; lengths at rest (edges,) [m])."""
+        """Return (ends (edges, 2) int32, the lower one first, rows ascending; lengths at rest (edges,) [m])."""
         ends = np.concatenate([self.tetrahedra[:, pair] for pair in PAIRS])
         ends = np.unique(np.sort(ends, axis=1), axis=0)
         if self.sheet:

@@ -295,7 +295,8 @@ class SceneParts:
 
     @property
     def colliders(self) -> list[tuple[str, Collider]]:
-        """(kind, collider), planes first, then spheres, capsules, boxes, meshes and fields, each in the order of the file."""
+        """Return (kind, collider), planes first, then spheres, capsules, boxes, meshes and fields, each in the order of
+        the file."""
         return [(kind, part) for kind in COLLIDER_KINDS for part in self.all_of(kind).values()]
 
     @property

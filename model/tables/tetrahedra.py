@@ -86,7 +86,7 @@ class TetrahedralBody(MeshSource):
 
     @property
     def lame(self) -> tuple[float, float]:
-        """(mu, lambda) [Pa] of its Young's modulus and Poisson's ratio."""
+        """Return (mu, lambda) [Pa] of its Young's modulus and Poisson's ratio."""
         mu, lame = lame_of(self.young_modulus, self.poisson_ratio)
         return float(mu), float(lame)
 

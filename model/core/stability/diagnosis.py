@@ -76,8 +76,8 @@ class Situation:
 
     @cached_property
     def other(self) -> tuple[str, float]:
-        """(integrator, dt [s]) with one force evaluation and the largest stable step size, except the hand-out's, which
-        solves another equation."""
+        """Return (integrator, dt [s]) with one force evaluation and the largest stable step size, except the
+        hand-out's, which solves another equation."""
         able = [i for i in INTEGRATORS.values() if i.forces == 1 and i.order > 0]
         limits = {i.name: stability_limit(self.scene.replace({"method.integrator": i.name})) for i in able}
         best = max(able, key=lambda i: (limits[i.name], i.order))

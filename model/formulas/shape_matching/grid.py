@@ -51,7 +51,7 @@ def added_row(sums, line, middle_x, middle_y, here_x, here_y, mass, weight, offs
 
 @formula
 def cluster(sums, here_x, here_y, inverse_row, inverse_column):
-    """(centre [m], cosine, sine) of a cluster from its sums.
+    """Return (centre [m], cosine, sine) of a cluster from its sums.
 
     Its rotation is the one nearest to sum m (x - centre) rest'. Rest offsets are relative to the rest centre, so
     that the centre drops out. Rows count against y. The inverse of its mass is the product of a row's and a

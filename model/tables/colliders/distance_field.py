@@ -76,7 +76,7 @@ class DistanceField(SurfaceCollider):
 
     @cached_property
     def grid(self) -> tuple[np.ndarray, np.ndarray, float, float]:
-        """(least point (3,) [m], points (3,) int64, spacing [m], margin [m]). Raises SceneError, InputError."""
+        """Return (least point (3,) [m], points (3,) int64, spacing [m], margin [m]). Raises SceneError, InputError."""
         low, high = self.position.min(axis=0), self.position.max(axis=0)
         size = high - low
         longest, shortest = float(size.max()), float(size.min())
