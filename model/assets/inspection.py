@@ -76,7 +76,7 @@ class Inspection:
         return asdict(self) | {"roles": roles, "fits_with_fill_holes": self._filled()}
 
     def lines(self) -> list[str]:
-        """Return what a user reads."""
+        """Return the report as lines of text."""
         tetrahedra = f", {many(self.tetrahedra, 'tetrahedron', 'tetrahedra')}" if self.tetrahedra else ""
         widest = f"the widest {self.widest_rim:.4g} m across" if self.widest_rim else "slits without a width"
         closed = f"{many(self.rims, 'rim')}, {widest}" if self.rims else "closed"
@@ -132,7 +132,7 @@ def _point(place: tuple[float, ...]) -> str:
 
 
 def inspected(path: str | Path, scale: float = 1.0) -> Inspection:
-    """Return what the file holds. Raises InputError (a file that no role can read) and SceneError (scale)."""
+    """Return the content of the file. Raises InputError (a file that no role can read) and SceneError (scale)."""
     path = Path(path)
     if holds_tetrahedra(path) and path.suffix.lower() not in SURFACES:
         return _of_tetrahedra(path, scale)
@@ -170,7 +170,7 @@ def inspected(path: str | Path, scale: float = 1.0) -> Inspection:
 
 
 def _tried(make: Callable[[], Any]) -> tuple[Any, str]:
-    """Return (what was made, "") or (None, the reason why not)."""
+    """Return (the result, "") or (None, the reason why there is none)."""
     try:
         return make(), ""
     except NonManifold as error:

@@ -41,9 +41,9 @@ OVERLAPPING = "parts of the mesh overlap one another, or cross themselves: what 
 class RigidBody(Part):
     """A body of one rigid cluster, sampled from a closed mesh.
 
-    `volume_sampling`: 0, nothing inside; 1, a lattice of the particle spacing; over it, what is left is filled from a lattice
-    so many times finer. `surface_sampling`: places tried on the surface for each square of the spacing; 0, none.
-    Of `density` and `mass`, of the whole body, give one.
+    `volume_sampling`: 0, nothing inside; 1, a lattice of the particle spacing; above 1, gaps are filled from a lattice
+    that many times finer. `surface_sampling`: candidates on the surface per square of the spacing; 0, none. Give either
+    `density` or `mass`, of the whole body.
     """
 
     lacks: ClassVar[tuple[str, ...]] = ()  # fields of the classes that it is made from
@@ -139,13 +139,15 @@ class RigidBody(Part):
 class SoftBody(RigidBody):
     """A body of overlapping clusters.
 
-    Clusters have their centres `cluster_spacing` apart (2 particle spacings unless given) and hold what lies within
-    `cluster_radius` (1.25 cluster spacings); `cluster_stiffness`: the square of the angular frequency at which a particle
-    swings about its goal. Particles within `link_radius` of each other are linked, 0: none, by springs of `link_stiffness`.
+    The centres of clusters are `cluster_spacing` apart (by default 2 particle spacings); a cluster contains the
+    particles within `cluster_radius` (1.25 cluster spacings). `cluster_stiffness`: the square of the angular frequency
+    at which a particle oscillates about its goal. Particles within `link_radius` of each other are linked, 0: none, by
+    springs of `link_stiffness`.
 
-    A cluster that is strained follows its particles by `linear`, 0: not at all, 1: in any shear and stretch that keeps its
-    volume. Over a strain of `plastic_threshold` it creeps towards it at the rate `plastic_creep`, 0: never, and keeps at most
-    `plastic_limit` of it (0.5 unless given). Motion in it that is not rigid decays at the rate `cluster_damping`.
+    `linear`: how far a cluster follows a strain of its particles, from 0 (not at all) to 1 (any shear and stretch that
+    preserves its volume). Above a strain of `plastic_threshold` its rest shape creeps towards the strain at the rate
+    `plastic_creep` (0: never), up to a plastic strain of `plastic_limit` (by default 0.5). Motion in it that is not
+    rigid decays at the rate `cluster_damping`.
     """
 
     cluster_spacing: Positive | None = None  # m

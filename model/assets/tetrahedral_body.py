@@ -1,5 +1,5 @@
-"""A tetrahedral body: its mesh, the surface that it carries, and the report on it; made of voxels, by a surface, or of
-tetrahedra as they are."""
+"""A tetrahedral body: its mesh, its embedded surface, and the report on it. It is built from voxels, from a surface, or
+from given tetrahedra."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ class CookedBody:
 
     @property
     def per_voxel(self) -> int:
-        """Tetrahedra per voxel: 5 (the first is twice as large as the others) or 6; 0 for a body that is not made of
+        """Tetrahedra per voxel: 5 (the first is twice as large as the others) or 6; 0 if the body was not built from
         voxels."""
         if not len(self.voxel):
             return 0

@@ -29,11 +29,10 @@ _codes: dict[tuple[int, str | None], tuple[types.CodeType, list[bytes]]] = {}
 
 
 def content_digest(*values: Any) -> str:
-    """A hash (hex) of what functions are made of and of plain values: the same for the same content, in every process.
-
-    Of a function: its bytecode, constants, defaults, the values in its closure, and the globals that it names; functions
-    (compiled ones too, with their options) are looked into in turn. Line numbers, comments, docstrings and the function's
-    own name do not count. An object of which nothing is known makes a digest that no other process gets.
+    """Return a hash (hex) of the content of functions and plain values, the same in every process. For a function it
+    covers its bytecode, constants, defaults, the values in its closure, and the globals that it names; functions
+    (compiled ones too, with their options) are followed. Line numbers, comments, docstrings and the function's own name
+    do not count. An unknown object gives a digest that no other process computes.
     """
     return _Walk().digest(values).hex()[:32]
 
@@ -179,8 +178,7 @@ def _imported(file: Path) -> Iterator[str]:
 
 
 def _statements(node: ast.AST) -> Iterator[ast.AST]:
-    """Return the statements within one, itself among them, but no expressions, of which a file has twenty times as
-    many."""
+    """Return the statements within one, including itself, without expressions, which are twenty times as many."""
     yield node
     for field in ("body", "orelse", "finalbody", "handlers", "cases"):
         inside = getattr(node, field, ())

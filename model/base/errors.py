@@ -59,7 +59,7 @@ def _literal(word: str) -> str:
 
 
 def shortened(text: str, most: int = LONGEST) -> str:
-    """Return `text` in at most `most` characters: its beginning and end, which contain the fault and the remedy."""
+    """Return `text` in at most `most` characters: its beginning and its end, which contain the fault and the remedy."""
     if len(text) <= most:
         return text
     length = most - len(" ... ")
@@ -67,7 +67,7 @@ def shortened(text: str, most: int = LONGEST) -> str:
 
 
 def shown(value: object) -> str:
-    """Return a value as messages show it: on one line, at most LONGEST_VALUE characters, whatever it is."""
+    """Return a value for messages: on one line, at most LONGEST_VALUE characters."""
     try:
         text = repr(value)
     except (RecursionError, MemoryError):
@@ -124,7 +124,7 @@ class UnstableTimeStep(SceneError):
 
 
 class BackendUnavailable(SoftlabError):
-    """The machine lacks something (a GPU, a driver, OpenGL, a font): what is missing, and how to get it."""
+    """The machine lacks a GPU, a driver, OpenGL, a font ...; the message says what is missing and how to get it."""
 
     exit_status = 3
 

@@ -116,7 +116,7 @@ class Place:
 
     @classmethod
     def from_function(cls, py_func: Any, py_file: str) -> Place | None:
-        """Return the place, or None where no folder can be written."""
+        """Return the cache of a function, or None if no folder is writable."""
         return cls() if folder() else None
 
     def ensure_cache_path(self) -> None:

@@ -1,4 +1,4 @@
-"""Tuples whose length is known when a kernel is made, in a form that both backends' compilers accept."""
+"""Tuples whose length is known when a kernel is compiled, in a form that the compilers of both backends accept."""
 
 from collections import namedtuple
 from functools import cache

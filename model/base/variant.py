@@ -292,7 +292,7 @@ def row_routine(function: Callable) -> Any:
 
 
 def inlined_routine(function: Callable) -> Any:
-    """Mark a routine as one whose arguments cost more to pass than its body, or lie in registers."""
+    """Mark a routine whose arguments cost more to pass than its body, or are arrays in registers."""
     return _marked(function, rounds_products=False, how="inlined")
 
 
@@ -317,7 +317,7 @@ def place(function: Any) -> str:
 
 
 class Open:
-    """A name in a formula that `filled` replaces, usually by another formula; `signature` says by what."""
+    """An open name: `filled` replaces it, usually by a formula with this `signature`."""
 
     def __init__(self, signature: str):
         self.signature = signature
@@ -332,7 +332,7 @@ def open_constant(description: str) -> Any:
 
 
 class Filled:
-    """A formula with formulas in the place of its open names."""
+    """A formula whose open names are replaced by formulas."""
 
     def __init__(self, function: Any, names: dict[str, Any]):
         self.function, self.names, self._key = function, names, (function, frozenset(names.items()))
@@ -350,11 +350,11 @@ class Filled:
 
 
 class Inlined(Filled):
-    """A formula that is inlined with all that it calls."""
+    """A formula that is inlined together with everything that it calls."""
 
 
 def filled(function: Any, names: dict[str, Any]) -> Any:
-    """Return a formula with formulas in the place of the open `names` of it and of what it calls."""
+    """Return a formula in which the open `names` are replaced, also in what it calls."""
     kind = Filled
     if isinstance(function, Filled):
         kind, function, names = type(function), function.function, {**names, **function.names}
@@ -368,7 +368,7 @@ def inlined_throughout(function: Any) -> Any:
 
 @cache
 def open_names(function: Any) -> frozenset[str]:
-    """Return the open names of a formula and of what it calls."""
+    """Return the open names of a formula and of everything that it calls."""
     names: set[str] = set()
     seen, left = {function}, [function]
     while left:
@@ -407,8 +407,8 @@ def is_formula(value: object) -> bool:
 class Variant:
     """One arithmetic and one set of features; `compiled` is the decorator that compiles a function.
 
-    `features`: by name, what is not False; `product`: what multiplies, or None; `instructions`: names of formulas ->
-    functions that take their place; `ways`: decorators of routines that are marked as a row or inlined.
+    `features`: values by name, without False ones; `product`: the function that multiplies, or None; `instructions`:
+    names of formulas -> functions that replace them; `ways`: decorators of routines marked as a row or inlined.
     """
 
     def __init__(
@@ -461,7 +461,7 @@ class Variant:
         return space[function.__name__]
 
     def _within(self, value: Any, caller: FunctionType) -> Any:
-        """Return what a global of the formula `caller` is in this variant."""
+        """Return the value of a global of the formula `caller` in this variant."""
         if is_formula(value):
             return self(value)
         if value is real:
@@ -550,7 +550,7 @@ def check_returns(function: Any, count: int, features: Mapping[str, int] | None 
 def specialised_tree(
     function: FunctionType, features: frozenset[tuple[str, Any]], rounded: bool
 ) -> tuple[ast.FunctionDef, dict[str, float]]:
-    """Return (a formula's copy, its float literals by the names they get)."""
+    """Return (a copy of a formula's tree, its float literals by the names that replace them)."""
     line, text = _definitions(inspect.getfile(function))[function.__name__]
     definition = ast.increment_lineno(parsed(text), line - 1).body[0]
     assert isinstance(definition, ast.FunctionDef)
@@ -581,7 +581,7 @@ def _definitions(file: str) -> dict[str, tuple[int, str]]:
 
 
 class _Specialise(ast.NodeTransformer):
-    """Puts the constants of a variant into a formula."""
+    """Replaces features and literals of a formula by the constants of a variant."""
 
     def __init__(self, features: dict[str, Any], function: Any, rounded: bool):
         self.features, self.known, self.rounded = features, function.__globals__, rounded
@@ -589,7 +589,7 @@ class _Specialise(ast.NodeTransformer):
         self.constants: dict[str, float] = {}
 
     def block(self, statements: list[ast.stmt]) -> list[ast.stmt]:
-        """Return statements without those that are never reached."""
+        """Return statements without those that are never executed."""
         live: list[ast.stmt] = []
         for statement in statements:
             visited = self.visit(statement)
@@ -636,7 +636,7 @@ class _Specialise(ast.NodeTransformer):
         return range(*(eval(bound, {"__builtins__": {}}, self.known) for bound in bounds))
 
     def _numbered(self, node: Any, target: ast.expr, number: int) -> Any:
-        """Return a copy of what a loop repeats, for one number."""
+        """Return a copy of a loop's body for one number."""
         assert isinstance(target, ast.Name)
         return _Numbered(target.id, number, self.known).visit(copy.deepcopy(node))
 
@@ -750,8 +750,8 @@ class _Specialise(ast.NodeTransformer):
 
 
 class _Numbered(ast.NodeTransformer):
-    """Puts a number in the place of a name, and computes what follows from it and from constants: an index of a tuple has
-    to be a literal."""
+    """Replaces a name by a number and evaluates constant expressions with it, because an index of a tuple has to be a
+    literal."""
 
     def __init__(self, name: str, number: int, known: Mapping[str, Any]):
         self.name, self.number, self.known = name, number, known

@@ -23,7 +23,7 @@ COUNTS = ("none", "one", "two", "three", "four")
 
 
 def suggestion(word: str, known: Any) -> str:
-    """Return ` (did you mean ...?)` with the nearest of `known` names, or nothing where none is near."""
+    """Return ` (did you mean ...?)` with the nearest of `known` names, or "" if none is near."""
     close = difflib.get_close_matches(word, list(known), n=1, cutoff=NEAR)
     return f" (did you mean {close[0]}?)" if close else ""
 
@@ -106,7 +106,7 @@ def _count_error(part: str, complaints: list[Any], first: Any) -> SceneError:
 
 
 def _field(place: tuple[int | str, ...]) -> list[str]:
-    """Return a complaint's place without the type of list that pydantic inserts where there can be several."""
+    """Return the location of an error without the list type that pydantic inserts for unions."""
     return [str(step) for step in place if not str(step).startswith("tuple[")]
 
 

@@ -160,7 +160,7 @@ def contact_distance(scene: Scene) -> float:
 
 
 def surface_record(scene: Scene, distance: float, real: Real) -> np.ndarray:
-    """Return SURFACE_CONTACT_PARAMETERS in the arithmetic `real` for surfaces that keep the `distance` [m], (1,).
+    """Return SURFACE_CONTACT_PARAMETERS in the arithmetic `real` for surfaces with the contact `distance` [m], (1,).
 
     Computed in float64, rounded once. Raises SceneError.
     """

@@ -1,4 +1,4 @@
-"""The description of a solver family for the rest of the lab, one entry each (model/core/families.py lists them)."""
+"""Description of a solver family: one entry per family (listed in model/core/families.py)."""
 
 from __future__ import annotations
 
@@ -74,8 +74,8 @@ def counter(name: str, doc: str, count: Callable[[Any], float]) -> Field:
 
 
 def fault(name: str, doc: str, count: Callable[[Any], int]) -> Field:
-    """Return the field of a count that must be 0. `count(simulation)` may include what happened before the simulation
-    was open: to compile, all particles may lie in one place (`lost_when_opened`)."""
+    """Return the field of a count that must be 0. `count(simulation)` may include counts from before the simulation was
+    open, because compiling may put all particles at one position (`lost_when_opened`)."""
     since_opened = on_host(lambda simulation: count(simulation) - simulation.lost_when_opened.get(name, 0))
     return Field(name, "one", (), "1", doc, since_opened, fault=True)
 

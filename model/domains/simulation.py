@@ -25,7 +25,7 @@ def cut(scene: Scene, count: int, steps: int | None, option: str) -> Decompositi
 
 
 def stencil_of(scene: Scene, count: int, option: str) -> Stencil:
-    """Return the rows that a step of the scene's sheet reads. Raises SceneError if the scene cannot be shared."""
+    """Return the rows that a step of the scene's sheet reads. Raises SceneError if the scene cannot be divided."""
     family = family_of(scene)
     if family.stencil is None:
         raise SceneError(option, count, f"a {family.name} is not shared among processes or GPUs; leave {option} out")

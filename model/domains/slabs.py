@@ -49,7 +49,8 @@ class Slabs:
 
 
 def fluid_halo_of(scene: Scene) -> float:
-    """Return the halo of the scene's slabs [m].
+    """Return the halo of the scene's slabs [m]. Raises SceneError if the scene's family, or a part of it, cannot be
+    divided into slabs.
 
     Raises SceneError for a scene whose family, or a part of it, is not shared by slabs.
     """
@@ -59,7 +60,7 @@ def fluid_halo_of(scene: Scene) -> float:
 
 
 def is_in_slabs(scene: Scene) -> bool:
-    """Return True if the scene is shared by slabs of space."""
+    """Return True if the scene is divided into slabs of space."""
     return family_of(scene).halo is not None
 
 

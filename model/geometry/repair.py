@@ -69,7 +69,8 @@ def _pieces(position: np.ndarray, triangles: np.ndarray) -> list[TriangleMesh]:
 
 
 def simplified(mesh: TriangleMesh, most: int) -> TriangleMesh:
-    """Return the mesh with at most `most` triangles, or as few as can be had without a crossing.
+    """Return the mesh with at most `most` triangles, or as few as possible without crossings. Raises BackendUnavailable
+    (libigl is not installed), SceneError (most) and InputError (nothing is left).
 
     Raises BackendUnavailable (libigl is not installed), SceneError (most) and InputError (nothing is left).
     """

@@ -37,7 +37,7 @@ def _grid_stencil(scene: Scene) -> Stencil:
 def _cloth_stencil(scene: Scene) -> Stencil:
     """Return the rows that a step reads: springs extend to the next row, those against bending to the one after it.
 
-    Velocity Verlet evaluates forces twice where its kicks are not shared. Raises SceneError for parts that depend on a
+    Velocity Verlet evaluates forces twice if its kicks are not combined. Raises SceneError for parts that depend on a
     mass's number in the whole cloth, and for implicit Euler.
     """
     require_local(scene)

@@ -26,7 +26,7 @@ OF_MESHES = ("mesh", "region", *SURFACE_KINDS, *BODY_KINDS, *TETRAHEDRAL_KINDS) 
 
 @cache
 def catalogue() -> Mapping[str, Path]:
-    """Return the scenes that come with the lab: name -> TOML file."""
+    """Return the scenes that come with softlab: name -> TOML file."""
     root = Path(str(resources.files("softlab.model"))) / "catalogue"
     return {file.relative_to(root).with_suffix("").as_posix(): file for file in sorted(root.rglob("*.toml"))}
 

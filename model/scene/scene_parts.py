@@ -163,7 +163,7 @@ class SceneParts:
         return next((self.parts[name] for name, known in self.kinds.items() if known == kind), None)
 
     def value(self, path: str, default: Any = None) -> Any:
-        """Return the value of the field `part.field`; `default` where there is none."""
+        """Return the value of the field `part.field`, or `default` if there is none."""
         name, _, field = path.partition(".")
         return getattr(self.parts.get(name), field, default)
 
@@ -193,7 +193,7 @@ class SceneParts:
 
     @property
     def sheet(self) -> Grid:
-        """The grid, cloth or mesh of a scene that has one."""
+        """The grid, cloth or mesh of the scene."""
         assert isinstance(self.grid, Grid)
         return self.grid
 
@@ -224,7 +224,7 @@ class SceneParts:
 
     @cached_property
     def world_set(self) -> WorldSet:
-        """All particles of a world, one member after the other."""
+        """All particles of a world, member by member."""
         return make_world_set({name: member.grid for name, member in self.members.items()})
 
     def direct_parts(self, *kinds: str) -> dict[str, Any]:
@@ -238,7 +238,7 @@ class SceneParts:
 
     @property
     def copies(self) -> tuple[Copy, ...]:
-        """All copies of the scene's bodies; none where it has no bodies."""
+        """All copies of the scene's bodies."""
         return self.body_set.copies if self.bodies else ()
 
     @property
@@ -250,8 +250,8 @@ class SceneParts:
 
     @cached_property
     def tetrahedra_set(self) -> TetrahedraSet:
-        """All tetrahedral bodies together and the cloth beside them, made on first use. Raises SceneError, InputError
-        (a body)."""
+        """All tetrahedral bodies together and the cloth beside them, created on first use. Raises SceneError,
+        InputError (a body)."""
         return make_tetrahedra_set(
             self.tetrahedra, self.regions, self.attachment_parts, self.materials, self.all_of("mesh")
         )
@@ -263,7 +263,7 @@ class SceneParts:
 
     @cached_property
     def fluid_set(self) -> FluidSet:
-        """All particles of the scene's fluids, made on first use."""
+        """All particles of the scene's fluids, created on first use."""
         return make_fluid_set(self.fluids, self.domain)
 
     @cached_property
@@ -285,7 +285,7 @@ class SceneParts:
 
     @property
     def cloth_springs(self) -> dict[str, ClothSprings]:
-        """The cloth's springs by kind, in the order structural, shear, bending."""
+        """Springs of the cloth by kind, in the order structural, shear, bending."""
         return {kind: part for kind in SPRING_KINDS if (part := self.one(kind)) is not None}
 
     @property
@@ -312,7 +312,7 @@ class SceneParts:
 
     @property
     def holdable(self) -> dict[str, Part]:
-        """The parts that can be attached, by name: tetrahedral bodies, then a cloth beside them."""
+        """Parts that can be attached, by name: tetrahedral bodies, then a cloth beside them."""
         return self.tetrahedra | self.direct_parts("mesh")
 
     # Parts by name, in the order of the file; those of a family are the members' in a world.

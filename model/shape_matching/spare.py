@@ -54,7 +54,7 @@ def added(
 
 
 def removed(scene: Scene, state: State, parts: Collection[str], number: int) -> State:
-    """Return the state without the copy, see Simulation.remove_body; `parts`: of the plan."""
+    """Return the state without the copy, see Simulation.remove_body; `parts`: parts of the plan."""
     weights = state.inverse_mass
     copies = scene.copies
     if (

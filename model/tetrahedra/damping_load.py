@@ -1,4 +1,4 @@
-"""Damping of tetrahedra beyond what the sweeps of a substep resolve: it then supports static loads."""
+"""Damping of tetrahedra that the sweeps of a substep do not resolve: it then supports static loads."""
 
 from __future__ import annotations
 

@@ -36,7 +36,7 @@ class Apart:
 
 
 def require_apart(scene: Any) -> None:
-    """Raise SceneError for a scene's contacts, which let bodies collide."""
+    """Raise SceneError if the scene's contacts let bodies collide."""
     if scene.contact is not None:
         reason = (
             "lets bodies collide, which is not shared: leave it out, and they pass through each other, or run it as one"

@@ -49,7 +49,7 @@ class Stencil:
     parts: int = 1
 
     def halo(self, parts: int) -> int:
-        """Return the rows that this number of parts of a step in one call needs beyond those that must stay right."""
+        """Return the halo, in rows, for this number of parts of a step in one call."""
         rows = self.rows * self.forces * parts + self.more
         return -(-rows // self.unit) * self.unit
 
@@ -90,7 +90,8 @@ class Border:
 class Decomposition:
     """A sheet of `rows` x `columns` masses in `count` domains with halos of `halo` rows.
 
-    A step is done in `divided` equal steps of windows, after at most `steps` of which they exchange; `unit`: see Stencil.
+    A step is divided into `divided` equal steps of windows, which exchange after at most `steps` of these; `unit`: see
+    Stencil.
     """
 
     rows: int

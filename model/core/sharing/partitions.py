@@ -69,7 +69,7 @@ class Message:
 
 @dataclass(frozen=True, eq=False)
 class Partitions:
-    """A `mesh` in `parts`."""
+    """A `mesh` divided into `parts`."""
 
     mesh: SharedMesh
     parts: tuple[Part, ...]

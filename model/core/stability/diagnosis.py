@@ -85,7 +85,7 @@ class Situation:
 
     @property
     def remedy(self) -> str:
-        """The stable step size, and the integrator whose limit is much larger, if there is one."""
+        """Remedy: the stable step size, and the integrator whose limit is much larger, if there is one."""
         remedy = f"use dt <= {self.limit:.6g} s"
         if self.scene.method.position_based:
             substeps = ceil(self.scene.method.substeps * self.dt / self.limit)
@@ -188,14 +188,15 @@ def odd_number(at: Situation) -> Diagnosis | None:
 
 
 def over_the_limit(at: Situation) -> Diagnosis | None:
-    """Diagnose a step size over the explicit limit."""
+    """Diagnose a step size above the explicit limit."""
     if not at.over:
         return None
     return Diagnosis(f"dt is {at.dt / at.limit:.4g} times the stability limit of {at.integrator}", at.remedy)
 
 
 def fast_masses(at: Situation) -> Diagnosis | None:
-    """Diagnose a step size under the limit where a mass passes its neighbours before their springs can deflect it."""
+    """Diagnose a step size below the limit at which a mass passes its neighbours before their springs can deflect
+    it."""
     if at.displacement <= FAST:
         return None
     return Diagnosis(

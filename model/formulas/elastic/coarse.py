@@ -62,7 +62,6 @@ def columns(d, e, m):
 
 @formula
 def pivot(left, entry):
-    """Return (1 / the root of what is left of a diagonal entry, or 0 where only rounding is left; True if what is left
-    is negative)."""
+    """Return (1 / root of the remaining diagonal entry, or 0 if it is rounding error; True if it is negative)."""
     least = LEAST_PIVOT * entry
     return (1.0 / sqrt(left) if left > least else 0.0), left < -least

@@ -55,7 +55,7 @@ def symmetric(g):
 
 @formula
 def bent(a, p):
-    """Moments with Sp rest in place of rest: A Sp'."""
+    """Moments with the plastic rest shape Sp rest instead of rest: A Sp'."""
     pxx, pxy, pxz, pyx, pyy, pyz, pzx, pzy, pzz = p
     return product(a, (pxx, pyx, pzx, pxy, pyy, pzy, pxz, pyz, pzz))
 

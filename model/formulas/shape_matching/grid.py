@@ -66,8 +66,8 @@ def cluster(sums, here_x, here_y, inverse_row, inverse_column):
 def rest_offset(step, centre, rest):
     """Rest position of a mass relative to a cluster's centre along one axis [m].
 
-    The mass is `step` spacings of `rest` [m] from the window's middle, whose centre lies `centre` spacings from
-    that.
+    The mass is `step` spacings of `rest` [m] from the middle of the window, whose centre of mass is `centre` spacings
+    from that.
     """
     return (step - centre) * rest
 

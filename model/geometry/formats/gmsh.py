@@ -88,7 +88,7 @@ def _blocks(source: _Text | _Binary) -> Elements:
 
 
 class _Text(Words):
-    """The words of a text: whole numbers of every size are written alike."""
+    """The words of a text; integers of every size are written alike."""
 
     def section(self, name: str) -> None:
         """Go behind the line `name`. Raises InputError."""
@@ -133,7 +133,7 @@ def _element_lines(text: str) -> list[tuple[int, np.ndarray]]:
 
 
 class _Binary:
-    """A binary file and a place in it; `order`: < or >, of its bytes."""
+    """A binary file and a position in it; `order`: < or >, its byte order."""
 
     def __init__(self, data: bytes, order: str):
         self.data, self.order, self.at = data, order, 0

@@ -1,4 +1,5 @@
-"""Vertices that are one, triangles that are none or there twice, and sides that agree: what makes triangles a surface."""
+"""Repairs of triangles into a surface: merges vertices at one position, removes degenerate and duplicate triangles,
+makes orientations consistent."""
 
 from __future__ import annotations
 
@@ -18,7 +19,7 @@ def many(count: int, one: str, several: str = "") -> str:
 
 
 def add_note(notes: list[str], count: int, one: str, several: str) -> None:
-    """Append a sentence on `count` things to `notes`, unless there are none."""
+    """Append a sentence on `count` items to `notes`, unless the count is 0."""
     if count:
         notes.append(many(count, one, several))
 
@@ -74,7 +75,8 @@ def _cleaned(position: np.ndarray, triangles: np.ndarray, notes: list[str]) -> n
 
 
 def _merged_on_rims(position: np.ndarray, triangles: np.ndarray, place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return (vertices,): `place` of vertices on rims of the mesh as it is numbered, the others themselves; the triangles."""
+    """Return (vertices,): `place` for vertices on rims of the mesh in its numbering, the vertex itself for others; and
+    the triangles."""
     cleaned = _cleaned(position, triangles, [])
     ends, uses = edge_uses(len(position), cleaned)
     rim = np.zeros(len(position), dtype=bool)

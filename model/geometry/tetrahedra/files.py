@@ -64,8 +64,8 @@ def write_arrays(path: Path, arrays: dict[str, np.ndarray]) -> None:
 
 
 def holds_tetrahedra(path: str | Path) -> bool:
-    """Return whether a file is one of tetrahedra: by its name; .msh and .mesh, which may hold a surface, by their content.
-    Raises InputError."""
+    """Return True if a file contains tetrahedra: by its name or, for .msh and .mesh, which may contain a surface, by
+    its content. Raises InputError."""
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix not in (".msh", ".mesh"):

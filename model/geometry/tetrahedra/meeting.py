@@ -1,4 +1,4 @@
-"""The voxels there are, and where two triangles of a surface meet in them or on the sides between them."""
+"""The occupied voxels, and where two triangles of a surface meet in them or on the sides between them."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def _passes(place: np.ndarray, ends: np.ndarray, low: np.ndarray, axes: tuple[in
 
 
 def positions(keys: np.ndarray, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return (where each of `wanted` stands in `keys`, which ascend; bool: whether it does)."""
+    """Return (index of each of `wanted` in `keys`, which ascend; bool: True if it is there)."""
     if not len(keys):
         return np.zeros(len(wanted), dtype=np.int64), np.zeros(len(wanted), dtype=bool)
     place = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)

@@ -1,4 +1,4 @@
-"""Tetrahedra that share vertices: their volumes, shapes, masses and surface, and what is refused."""
+"""Tetrahedra with common vertices: volumes, quality, masses and surface, and checks."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class TetrahedralMesh:
 
     @cached_property
     def volumes(self) -> np.ndarray:
-        """Return (n,) float64 [m^3]."""
+        """Return the volumes, (n,) float64 [m^3]."""
         return signed_volumes(self.position, self.tetrahedra)
 
     @property  # not cached: cube roots differ between processors, and what a simulation holds must not
@@ -111,7 +111,7 @@ def rest_inverse(position: np.ndarray, tetrahedra: np.ndarray) -> np.ndarray:
 
 
 def check_density(density: float) -> None:
-    """Raise SceneError for what is no density [kg/m^3]."""
+    """Raise SceneError for an invalid density [kg/m^3]."""
     if not (isfinite(density) and density > 0):
         raise SceneError("density", density, "must be a finite number greater than 0 [kg/m^3]")
 

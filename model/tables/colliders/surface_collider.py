@@ -19,8 +19,8 @@ from softlab.model.tables.mesh_source import MeshSource
 
 
 class SurfaceCollider(MeshSource, Collider):
-    """A mesh at `origin`, rotated there by `angle` about `axis`, that moves at `velocity` and rotates about its origin
-    at `spin`; it sweeps masses along."""
+    """A mesh at `origin`, rotated there by `angle` about `axis`, that moves at `velocity`, rotates about its origin at
+    `spin`, and carries masses along."""
 
     such_as: ClassVar[str] = "blob"
 
