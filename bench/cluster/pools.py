@@ -68,7 +68,7 @@ class Job(Protocol):
     """Started command of a worker."""
 
     def ended(self) -> str | None:
-        """Return None while it runs, else how it ended, in words, as far as the pool knows."""
+        """Return None while it runs, else a description of how it ended, as far as the pool knows."""
         ...
 
     def kill(self) -> None:

@@ -1,9 +1,8 @@
 """An experiment on many machines: start, watch and restart workers, and merge their results as they arrive.
 
-The sweep's own process measures nothing. A lost worker leaves a store: it is merged, the worker's groups become free
-again, and the worker that takes one continues from what is in that store, so that nothing is lost or done twice. A
-group whose workers died `DEATHS` times is given up, and so is a slot whose workers died that often without having a
-group.
+The process of the sweep measures nothing itself. The store of a lost worker is merged and its groups become free; the
+worker that claims one continues it, so that nothing is lost or done twice. A group whose workers died `DEATHS` times is
+given up, and so is a slot whose workers died that often without a group.
 """
 
 from __future__ import annotations
@@ -31,10 +30,9 @@ STOP_SECONDS = 30.0  # time for workers to stop when told to
 
 @dataclass
 class Slot:
-    """A place for one worker at a time.
-
-    `name`: of the current worker; `job`: its job (None: there is none); `seen`: the last sign of life of a worker whose
-    job ended, and its time; `deaths`: of workers without a group; `stop_reason`: why no worker is started there any more.
+    """A slot for one worker at a time. `name`: name of the current worker; `job`: its job (None: there is none);
+    `seen`: last sign of life of a worker whose job ended, and its time; `deaths`: deaths of workers without a group;
+    `stop_reason`: why the slot starts no more workers.
     """
 
     number: int
@@ -108,7 +106,7 @@ class Sweep:
         return bool(plan) and plan <= self.done | {c for c, name in self.folder.claims().items() if name == ABANDONED}
 
     def _let_go(self) -> None:
-        """Cancel jobs that still wait for a place."""
+        """Cancel jobs that still wait for a slot."""
         for slot in self.slots:
             if slot.job is not None and self.folder.status(slot.name) is None:
                 slot.job.kill()

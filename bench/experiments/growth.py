@@ -39,7 +39,7 @@ class Growth:
 
     @property
     def factor(self) -> float:
-        """The growth factor at the end."""
+        """Growth factor at the end."""
         return float(self.factors[-1])
 
     @property

@@ -53,7 +53,7 @@ class Carried:
 
 
 def read_map(path: Path = MAP) -> Carried:
-    """Read the map beside the data; an empty one where there is none."""
+    """Read the map stored with the data; an empty one if there is none."""
     if not path.is_file():
         return Carried()
     data = json.loads(path.read_text(encoding="utf-8"))

@@ -73,7 +73,7 @@ class KernelDigests:
         return _hash(self.describe(kernel))
 
     def describe(self, value: Any) -> str:
-        """The text that stands for a value: its content, never its name."""
+        """Return the text for a value: its content, never its name."""
         if isinstance(value, float):
             return f"float {value.hex()}"
         if value is None or value is Ellipsis or isinstance(value, bool | int | str | bytes | complex):

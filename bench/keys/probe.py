@@ -31,7 +31,7 @@ def load_tools() -> None:
 
 
 def lab(module: str) -> Any:
-    """A module of the checkout's lab, whose layers were top-level packages once."""
+    """A module of a checkout, whose layers may be top-level packages."""
     packed = (Path(sys.path[0]) / "softlab" / "__init__.py").is_file()
     return importlib.import_module(f"softlab.{module}" if packed else module)
 

@@ -77,8 +77,8 @@ def arrays_of(calls: list[Launch]) -> Iterator[np.ndarray | np.void]:
 
 
 def array_hash(array: np.ndarray | np.void) -> str | None:
-    """A hash of an array's numbers in their order, or of a record's values but zeros in any order (fields have names alone);
-    None for an array of a single value, such as scratch memory."""
+    """Return a hash of an array's numbers in their order, or of a record's nonzero values in any order (only names
+    identify fields); None for an array of a single value, such as scratch memory."""
     names = array.dtype.names
     if names is not None:
         unread = MANUFACTURED if set(MANUFACTURED) <= set(names) else ()

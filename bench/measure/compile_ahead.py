@@ -1,7 +1,8 @@
-"""Making what many cases need before the first is measured, on several processes at once: kernels, converged references.
+"""Compiles the kernels and computes the converged references of many cases in several processes, before the first is
+measured.
 
-Kernels are kept on disk by their content (model/base/kernel_cache.py), references beside the store, so that the process that
-measures only loads what others made. One after another, this is most of a first `softlab lab --quick`.
+Kernels are cached on disk by their content (model/base/kernel_cache.py), references beside the store, so that the
+process that measures only loads them. Done serially, this is most of a first `softlab lab --quick`.
 """
 
 from __future__ import annotations

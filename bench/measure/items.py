@@ -28,7 +28,7 @@ class Item(Protocol):
 
 
 class Items(Experiment):
-    """An experiment of single items, measured one after another; `doing`: text of the bar before each."""
+    """Base of experiments with single items, measured one after another; `doing`: text of the progress bar."""
 
     doing: ClassVar[str] = ""
     items: ClassVar[Callable[..., Sequence[Item]]]  # (store, backends, quick, options) -> all, or (`quick`) fewer
@@ -53,7 +53,7 @@ def _within(report: Report, name: str, text: str) -> None:
 
 @dataclass(frozen=True)
 class Finding:
-    """One configuration of one finding. `name`: the measure by which the store knows that it is done."""
+    """One configuration of one finding. `name`: the measure whose presence in the store means that it is done."""
 
     name: str
     description: dict[str, Any]

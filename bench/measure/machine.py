@@ -37,7 +37,8 @@ MIN_COPY_BYTES = 1 << 28  # of one array
 
 
 def machine_record() -> dict[str, Any]:
-    """The facts, nothing measured: cpu, cores, caches [B], memory, versions, gpu ... None: not known, or none."""
+    """Return the facts of this machine without measurements: cpu, cores, caches [B], memory, versions, gpu ...; None if
+    unknown or absent."""
     from softlab.cpu_backend.core.processor import processor_name
 
     record: dict[str, Any] = {
@@ -69,7 +70,7 @@ def machine_key(record: dict[str, Any]) -> str:
 
 
 def machine_label(record: dict[str, Any]) -> str:
-    """The machine in a caption: `AMD EPYC 7B12, 2 cores; no GPU`."""
+    """Return the machine's name for captions: `AMD EPYC 7B12, 2 cores; no GPU`."""
     cpu = re.sub(r"\((R|TM|r|tm)\)| CPU| Processor|@.*$|\d+-Core", "", record["cpu"])
     cores = f"{record['cores']} core" + ("s" if record["cores"] != 1 else "")
     gpu = record.get("gpu") or "no GPU"
@@ -115,7 +116,8 @@ def measured_limits() -> dict[str, Any]:
 
 
 def _best(run: Callable[[], None], budget: float) -> float:
-    """The least time [s] of `run`, tried at least three times and for `budget` seconds: a limit is a best case."""
+    """Return the minimum time [s] of `run`, repeated at least three times and for `budget` seconds, because a limit is
+    a best case."""
     best, end, count = float("inf"), time.perf_counter() + budget, 0
     while count < 3 or time.perf_counter() < end:
         begin = time.perf_counter()

@@ -31,7 +31,7 @@ def print_table(
 
 
 def columns(words: Iterable[str], numbers: Iterable[str]) -> list[Column]:
-    """Heads of columns: of words that are never broken, then of numbers, flush right."""
+    """Return headers of columns: first of words that are never broken, then of right-aligned numbers."""
     return [*(Column(name, no_wrap=True) for name in words), *(Column(name, justify="right") for name in numbers)]
 
 

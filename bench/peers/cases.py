@@ -67,7 +67,7 @@ class PeerCase(Case):
 class Beside:
     """A peer's simulation in the form that bench/measure/timing.py needs.
 
-    It restarts from the start [(position, velocity)] of the scene again and again.
+    Every sample restarts from the scene's start, [(position, velocity)].
     """
 
     snapshots = 0  # the start is always stored

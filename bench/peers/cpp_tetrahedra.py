@@ -79,7 +79,7 @@ class _Bodies(Opened):
         )  # fmt: skip
 
     def synchronize(self) -> None:
-        """Return at once: every call ends when its steps are done."""
+        """Return at once, since a call returns when its steps are done."""
 
     def load(self, position: np.ndarray, velocity: np.ndarray) -> None:
         self._arrays[0, :, :3], self._arrays[1, :, :3] = position, velocity

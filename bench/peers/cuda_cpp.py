@@ -149,7 +149,7 @@ class Sheet(Opened):
         return [np.array([int(pointer)], np.uint64) for pointer in (*buffers, *self._more)]
 
     def _enter(self) -> None:
-        """Make this context current: others (numba, Warp) may have left another one."""
+        """Make this context current, since numba or Warp may have activated another one."""
         checked(self._driver.cuCtxSetCurrent(self._context), "cuCtxSetCurrent")
 
     def _launch(self, source: int) -> None:

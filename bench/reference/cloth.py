@@ -253,7 +253,8 @@ def touched(collider: Any, slow: float, velocity: np.ndarray, normal: np.ndarray
 
 
 def reverted_sliding(dt: float, velocity: np.ndarray, answered: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """Return what friction reverts of a step, dt times the tangential change of velocity: (..., 3) [m]."""
+    """Return the displacement that friction reverts in a step, dt times the tangential change of velocity: (..., 3)
+    [m]."""
     change = answered - velocity
     return dt * (change - _dot(change, normal) * normal)
 

@@ -125,7 +125,7 @@ class Timing:
 @dataclass(frozen=True)
 class Measure:
     """One number of one configuration on one machine, the newest of the newest sources. `description`: the whole
-    configuration, as `configuration()` makes it. `value` None: there is none, and `reason` says why."""
+    configuration, as `configuration()` makes it. `value` None: there is none, for the `reason`."""
 
     machine: str
     configuration: str
@@ -288,7 +288,7 @@ def _thread_word(threads: int | None, cores: int | None) -> str | None:
 
 @lru_cache(maxsize=4096)
 def _facts(scene_text: str, precision: str) -> tuple[dict[str, Any], dict[str, Any], int | None]:
-    """The grid, the method and the bytes a particle and step, of a scene as the store holds it."""
+    """Return the grid, the method and the bytes per particle and step of a scene in the store."""
     data = json.loads(scene_text)
     kinds = tables_by_kind(data)
     grid = {"rows": 0, "columns": 0} | kinds.get("grid", {})

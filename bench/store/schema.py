@@ -62,17 +62,17 @@ SCHEMA = (  # statements that make the tables
 
 
 def canonical(description: Mapping[str, Any]) -> str:
-    """Canonical JSON: equal texts mean equal descriptions."""
+    """Return canonical JSON: equal texts mean equal descriptions."""
     return json.dumps(description, sort_keys=True, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
 
 
 def tables_by_kind(scene: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    """The tables of a scene as a description holds them, by what they are: `grid`, `method`."""
+    """Return the tables of a scene in a description by kind: `grid`, `method`."""
     return {table.get("kind", name): table for name, table in scene.items() if isinstance(table, dict)}
 
 
 def configuration_hash(description: Mapping[str, Any]) -> str:
-    """The 16 hexadecimal digits that name a configuration."""
+    """Return the 16 hexadecimal digits that identify a configuration."""
     return hashlib.sha256(canonical(description).encode()).hexdigest()[:16]
 
 

@@ -64,7 +64,7 @@ def load_text(paths: Iterable[str | Path]) -> Store:
 
 
 def last_run(store: Store) -> int:
-    """The number of the run that was entered last; 0: none."""
+    """Return the number of the latest run; 0: none."""
     return int(store.query("SELECT coalesce(max(rowid), 0) FROM run")[0][0])
 
 

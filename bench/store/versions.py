@@ -35,7 +35,7 @@ class Version:
     gpu: str | None = None
 
     def __str__(self) -> str:
-        """For captions: `commit 9613136a2b1c`, or what is known instead."""
+        """Return the version for captions: `commit 9613136a2b1c`, or what is known instead."""
         if self.commit:
             return f"commit {self.commit}"
         return f"sources {self.cpu[:8]} and {self.gpu[:8]}" if self.cpu and self.gpu else "commit unknown"
@@ -49,7 +49,7 @@ def code_version() -> str:
 
 @cache
 def digest_of(backend: str) -> str:
-    """The digest of a backend's sources as they are now."""
+    """Return the digest of a backend's present sources."""
     return source_digest(*backend_sources(backend))
 
 
@@ -93,7 +93,7 @@ def refuse_changed_files(allowed: bool) -> None:
 
 
 class Dated(Protocol):
-    """A timing, or a measure."""
+    """A timing or a measure."""
 
     @property
     def backend(self) -> str: ...

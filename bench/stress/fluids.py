@@ -42,7 +42,7 @@ REPORTED, MISSED = "neighbours told as lost, off what NumPy counts", "neighbours
 
 
 def _unit(trial: Trial, size: float) -> float:
-    """Unit in the last place of a number of this size."""
+    """Return the unit in the last place of a number of this size."""
     return float(np.spacing(np.float32(size) if trial.single else np.float64(size)))
 
 

@@ -117,7 +117,7 @@ def lies_still(trial: Trial) -> list[Check]:
 
 
 def _lowered(trial: Trial, at: np.ndarray, body: int) -> float:
-    """Downward displacement [m] of the mean of a body's particles."""
+    """Return the downward displacement [m] of the mean of a body's particles."""
     members = trial.scene.body_set.body == body
     return float((trial.scene.body_set.position - at)[members, 1].mean())
 

@@ -18,7 +18,7 @@ touch = Open("touch(bodies, kinds, step, parameters, a, p, v): of make_collide_m
 
 
 def functions_of_others(compiler: Compiler, real: Real, parts: frozenset[str]) -> dict[str, Any]:
-    """Return what fills the open names above."""
+    """Return the functions for the open names above."""
     return {
         "collide": make_collide_row(compiler, real, parts),
         "instants": make_instants(compiler, real, parts),

@@ -118,7 +118,7 @@ class Fluid(FluidSimulation, ParticlesSimulation):
 
     @property
     def _now(self) -> tuple[np.ndarray, ...]:
-        """The arrays that a substep starts from: the state, and which particles are active."""
+        """Arrays that a substep starts from: the state, and which particles are active."""
         return (*self._state, self._flow.particles, self._flow.active) if self._flow else self._state
 
     @property

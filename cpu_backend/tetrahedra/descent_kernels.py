@@ -1,7 +1,7 @@
 """Visits of tetrahedral bodies' vertices on CPU threads, and the loops of a step over them.
 
-No two vertices of a colour share a tetrahedron, so threads may process any part of it: the state's bits depend neither
-on their number nor on their order. model/formulas/elastic/descent.py has the formulas of a visit.
+No two vertices of a colour share a tetrahedron, so threads may process any part of it, and the bits of the state do not
+depend on their number or order. model/formulas/elastic/descent.py has the formulas of a visit.
 """
 
 from __future__ import annotations

@@ -100,7 +100,7 @@ class CudaSimulation(Simulation):
         return max(1, -(-count // threads)), threads, self.stream
 
     def on_device(self, array: np.ndarray) -> DeviceArray:
-        """Return a flat device copy of an array; for an empty one, which kernels do not take, a quad of zeros."""
+        """Return a flat device copy of an array; for an empty one, which kernels do not accept, a quad of zeros."""
         flat = np.ascontiguousarray(array).reshape(-1)
         return cuda.to_device(flat if flat.size else np.zeros(4, array.dtype), stream=self.stream)
 

@@ -1,4 +1,4 @@
-"""Device functions of other packages that a fluid's kernels call: their open names, and what fills them."""
+"""Device functions of other packages that a fluid's kernels call: their open names, and the functions for them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ place_of = Open("place_of(bodies, at, time): of make_place_of")
 
 @cache
 def functions_of_others(real: Real, math: str, parts: frozenset[str]) -> dict[str, Any]:
-    """Return what fills the open names above."""
+    """Return the functions for the open names above."""
     return {
         "clock": make_clock(math, parts),
         "collide": make_collide(real, math, parts),

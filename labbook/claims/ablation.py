@@ -10,7 +10,7 @@ from softlab.plots.figures.ablation import quotable_tables
 
 
 def idle(results: Results) -> Claim:
-    """Number of things that a scene does not need, which they are, and the most time that one of them saves."""
+    """Number and names of the things that a scene does not need, and the most time that one of them saves."""
     source, tables = quotable_tables(results)
     rows = [(table, row) for table in tables for row in table.rows]
     if source is None or not rows:

@@ -118,9 +118,8 @@ STARTS = Sentence(
 
 
 def crowded(results: Results, kernel: str, against: str | None = None) -> Claim:
-    """A kernel with 4x threads compared with itself with 1x, or with kernel `against` with 4x.
-
-    On the smallest grid that both ran.
+    """A kernel with 4x threads compared with 1x, or with the kernel `against` with 4x, on the smallest grid that both
+    ran.
     """
     source = machine_of(results, "cpu")
     more = source.ladder("cpu", word="4x").get(kernel, []) if source else []

@@ -67,7 +67,7 @@ def usual(results: Results) -> Claim:
 
 
 def mesh(results: Results) -> Claim:
-    """Error of the meshes themselves, for all that were measured."""
+    """Mesh error of all meshes that were measured."""
     for source in results.everyone:
         off = {b.elements: b.mesh_error for b in bars(source.measures)}
         if off:
@@ -201,7 +201,8 @@ def _all(source: Source, backend: str) -> list[Bar]:
 
 
 def creeping(results: Results) -> Claim:
-    """Motion of vertex block descent, whose error does not show at rest, since a step begins where the last one ended."""
+    """Motion of vertex block descent, whose error does not show at rest because a step begins where the last one
+    ended."""
     for _, _, rows in on_backends(results, _bars_of)[:1]:
         by_young = {b.young: b for b in rows if b.solver == "vbd" and (b.substeps, b.iterations) == DESCENT}
         if by_young:

@@ -125,7 +125,7 @@ class Source:
 
     @property
     def place(self) -> str:
-        """Machine only, where commit and date are stated once for all."""
+        """Machine only, for text that states commit and date once."""
         parts = [part for part in self.machine.label.split("; ") if part != NO_GPU]
         return f"{' with '.join(parts)}{self.bracket}"
 
@@ -186,7 +186,7 @@ class Results:
 
     @property
     def everyone(self) -> tuple[Source, ...]:
-        """All sources in the order of preference: the featured ones first."""
+        """All sources in the order of preference, featured ones first."""
         return (*self.featured, *self.background)
 
     @property
@@ -196,7 +196,7 @@ class Results:
         return Results(sources) if sources and len(sources) < len(self.sources) else None
 
     def first(self, holds: Callable[[Source], object]) -> Source | None:
-        """Return the first source that `holds` something."""
+        """Return the first source for which `holds` is true."""
         return next((source for source in self.everyone if holds(source)), None)
 
     def with_gpu(self) -> Source | None:
@@ -255,7 +255,7 @@ def is_wrong(timing: Timing) -> bool:
 
 
 def sound(timings: Iterable[Timing]) -> list[Timing]:
-    """Return the timings whose result was right."""
+    """Return the timings with a correct state."""
     return [timing for timing in timings if not is_wrong(timing)]
 
 

@@ -170,7 +170,7 @@ def _notes(scene: Scene, wanted: float, end: float, summary: AblationSummary) ->
 
 
 class _Work:
-    """Measurement of one scene; `end` [s]: the time of judgement."""
+    """Measurement of one scene; `end` [s]: the time at which errors are computed."""
 
     def __init__(self, store: Store, scene: Scene, steps: int, summary: AblationSummary):
         self.store, self.scene, self.steps, self.summary = store, scene, steps, summary
@@ -258,7 +258,7 @@ class _Work:
         return distance(state.position, theirs, free, self.scene.grid.spacing)[0]
 
     def _time(self, subjects: Sequence[Subject], report: Report) -> None:
-        """Sample in turn, again while the samples are disturbed, and store the minimum of each."""
+        """Sample in turn, repeat disturbed samples, and store the minimum of each."""
         taken: dict[int, list[float]] = {id(subject): [] for subject in subjects}
         marks: dict[int, list[str]] = {id(subject): [] for subject in subjects}
         for _ in range(MAX_ROUNDS):

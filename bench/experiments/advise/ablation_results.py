@@ -70,9 +70,10 @@ class AblationRow:
 
 @dataclass(frozen=True)
 class Ablated:
-    """All rows of one scene on one backend: `full`, and `rows`, those that save most first.
+    """All rows of one scene on one backend: `full`, and `rows`, sorted by the time saved.
 
-    `title`, `dt` [s] and `integrator` are those of the full scene; `end` [s] is the time of judgement.
+    `title`, `dt` [s] and `integrator` are those of the full scene; `end` [s] is the time at which errors are
+    computed.
     """
 
     title: str

@@ -71,7 +71,8 @@ def time_in_turn(
 
 
 class BaseAdvice(Generic[C]):
-    """Base of all answers: `scene`, as requested, `choices` that reach the error, fastest first, `why` there are none."""
+    """Base of all answers: the requested `scene`, `choices` that reach the error, fastest first, `why` there are
+    none."""
 
     scene: Scene
     choices: tuple[C, ...]
@@ -111,7 +112,7 @@ class BudgetAdvice(BaseAdvice[B], Generic[B]):
     why: str | None = None
 
     def _text(self, asked: str, bases: Sequence[str], limits: str) -> str:
-        """Return the whole text: the request `asked`, choices, what they are based on, rejections, notes, and the
+        """Return the complete text: the request `asked`, choices and their basis, rejections, notes, and the
         `limits`.
         """
         lines = [asked]

@@ -81,7 +81,8 @@ class FluidAblation(Summary):
 
 
 def left_out(scene: Scene) -> Iterator[Ablation]:
-    """Yield what any scene can leave out or make cheaper, and each effect of its fluids beside keeping their density."""
+    """Yield what any scene can leave out or make cheaper, and each effect of its fluids except the density
+    constraint."""
     yield from (one for one in ablations(scene) if one.kind != FINER)
     for name, part in scene.fluids.items():
         for option in OPTIONS:

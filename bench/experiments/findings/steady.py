@@ -35,7 +35,7 @@ LENGTH_DT = 0.01  # s
 
 
 class Delivered(Subject):
-    """Subject whose runs end with the end state on the host."""
+    """Subject whose runs end with the final state on the host."""
 
     def run(self, steps: int) -> float:
         begin = time.perf_counter()

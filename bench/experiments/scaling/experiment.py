@@ -237,7 +237,7 @@ def _sheet(p: Row) -> tuple[Any, ...]:
 def speedups(timed: Sequence[Row]) -> list[tuple[Row, float, float | None]]:
     """Return (point, speed-up over one GPU, speed-up by the model or None) of points of more than one GPU.
 
-    Only points whose sheet was measured on one GPU too, without windows that took turns.
+    Only points whose sheet was measured on one GPU too, without windows that alternate on a GPU.
     """
     alone = {(*_sheet(p), p.rows): p for p in timed if p.gpus == 1}
     result = []

@@ -152,8 +152,8 @@ def _normals(
 ) -> np.ndarray:
     """Return normals (n, 3) from the nearest point to the mass.
 
-    Where that vector is too short, the triangle's normal on the mass's side; where the mass is on neither side, up for
-    a mass whose number is above that of the triangle's first corner, down for the others.
+    If that vector is too short, it is the triangle's normal on the mass's side; if the mass is on neither side, the
+    normal for a mass whose number is above that of the triangle's first corner, its opposite for the others.
     """
     q = before[corners]
     normal = np.cross(q[:, 1] - q[:, 0], q[:, 2] - q[:, 0])
@@ -224,8 +224,8 @@ def project(
 ) -> np.ndarray:
     """Return `position` after one sweep: (particles, 3) [m].
 
-    `weight` (particles,): inverse masses, 0 where pinned; `press` (n,): to which normal impulses are added, for
-    surfaces, whose friction comes later.
+    `weight` (particles,): inverse masses, 0 where pinned; `press` (n,): normal impulses are added to it, for surfaces,
+    whose friction comes later.
     """
 
     def offset(p: np.ndarray) -> np.ndarray:

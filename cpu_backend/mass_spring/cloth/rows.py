@@ -235,7 +235,7 @@ def pulls_of(parts: frozenset[str], pulls: Any = pulls) -> dict[str, Any]:
 
 
 def open_functions(compiler: Compiler, real: Real, integrator: str, parts: frozenset[str]) -> dict[str, Any]:
-    """Return what the open names of a cloth's kernels stand for in a scene."""
+    """Return the functions for the open names of a cloth's kernels in a scene."""
     scratch = make_scratch(compiler, real)
     rows = scratch.place, scratch.edge, scratch.forget, scratch.clear
     winds = make_winds(compiler, real, parts, *rows, triples_of(parts))

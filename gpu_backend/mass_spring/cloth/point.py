@@ -181,7 +181,7 @@ def pulls_of(parts: frozenset[str], system: str = "") -> dict[str, Any]:
 
 @cache
 def open_functions(real: Real, math: str, integrator: str, parts: frozenset[str]) -> dict[str, Any]:
-    """Return what the open names of a cloth's kernels stand for in a scene."""
+    """Return the functions for the open names of a cloth's kernels in a scene."""
     forces, winds = make_forces(real, math, parts), make_wind(real, math, parts)
     return {
         **pulls_of(parts), "add_gravity": forces.add_gravity, "add_particle_force": forces.add_particle_force,
