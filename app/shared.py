@@ -29,7 +29,7 @@ FLUID = "softlab.gpu_backend.domains.fluid:GpuFluid"
 NO_LINK = {  # of those that are shared in one way alone
     BODIES: "bodies send nothing",
     PARTITIONS: "partitions of a mesh are read from the neighbours' memory",
-    FLUID: "what a fluid sends goes through the host",
+    FLUID: "a fluid is exchanged through the host",
 }
 
 
@@ -67,7 +67,7 @@ def check_asked(backend: str, gpus: int, ranks: int, exchange_every: int | None,
 
 def _refuse_releases(scene: Scene) -> None:
     if scene.phases:
-        reason = "lets pins go, which is not supported on several GPUs or processes; run the scene on one"
+        reason = "releases pins, which is not supported on several GPUs or processes; run the scene on one"
         raise SceneError(f"{scene.name_of(RELEASE)}.kind", RELEASE, reason)
 
 

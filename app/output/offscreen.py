@@ -262,10 +262,10 @@ def opengl_available(text: bool = True) -> tuple[bool, str]:
     try:
         done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False)
     except (OSError, subprocess.TimeoutExpired) as error:
-        return False, f"the trial of OpenGL did not finish ({type(error).__name__}); {OFFSCREEN_REMEDY}"
+        return False, f"the OpenGL test did not finish ({type(error).__name__}); {OFFSCREEN_REMEDY}"
     lines = [line for line in done.stdout.splitlines() if line.startswith(("works ", "fails "))]
     if not lines:  # a driver that crashed the process
-        return False, f"the trial of OpenGL ended with status {done.returncode}; {OFFSCREEN_REMEDY}"
+        return False, f"the OpenGL test ended with status {done.returncode}; {OFFSCREEN_REMEDY}"
     word, _, detail = lines[-1].partition(" ")
     return word == "works", detail
 

@@ -26,7 +26,7 @@ def xpbd_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     why = "colours, iterations and prediction in one pass over the rows"
     if scene.method.matches_shapes:
         why = "prediction, clusters and goals in one pass over the rows per iteration"
-    passes = _substep(plan, precision, "a substep; along rows, a band of rows a thread")
+    passes = _substep(plan, precision, "a substep; along rows, one band of rows per thread")
     return cpu_plan(choose_kernel(None), why, passes)
 
 

@@ -59,7 +59,7 @@ def where_of(cluster: str, workers: int | None, sbatch: Sequence[str] | None) ->
     for option in sbatch or ():
         name, is_, value = option.partition("=")
         if kind != "slurm" or not (is_ and re.fullmatch(r"[a-z][a-z-]*", name)):
-            raise SceneError("--sbatch", option, "must be NAME=VALUE, as partition=gpu, and goes with --cluster slurm")
+            raise SceneError("--sbatch", option, "must be NAME=VALUE, as partition=gpu, and needs --cluster slurm")
         options[name] = value
     return Where(kind, address, workers, options)
 

@@ -153,7 +153,7 @@ class Sweep:
             slot.job = None
             if self._orphaned() and not status.done:  # otherwise workers that find nothing would be started forever
                 self._count_death(
-                    slot, "no worker takes what is left: is there no such machine any more?", "came to nothing"
+                    slot, "no worker takes the remaining groups; is there no such machine any more?", "came to nothing"
                 )
         else:
             self._lost(slot, status.reason, status)
@@ -206,7 +206,7 @@ class Sweep:
         with suppress(KeyboardInterrupt):  # a second Ctrl-C stops by force
             self._stop_workers()
         if not self.summary.interrupted and (left := self._left()):
-            self.summary.abandoned.append(f"{len(left)} groups, which no worker took: the same command resumes")
+            self.summary.abandoned.append(f"{len(left)} groups were not taken by any worker; the same command resumes")
         for slot in self.slots:
             if slot.job is not None:
                 _kill(self.folder.status(slot.name))

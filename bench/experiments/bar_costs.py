@@ -146,7 +146,7 @@ class BarCosts(Items):
         "frame / ms": lambda cost: f"{1e3 * cost.frame:.3g}{'?' * cost.suspect}",
         "sag, % off": lambda cost: _percent(cost.sag), "frequency, % off": lambda cost: _percent(cost.frequency),
     }  # fmt: skip
-    note = "what the bar costs, and how far it is off a rod; ?: suspect"
+    note = "time of the bar, and its difference from a rod; ?: suspect"
 
     def rows(self, stored: Iterable[Measure], every: bool = False) -> list[Cost]:
         return costs(stored)

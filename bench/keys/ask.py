@@ -40,7 +40,5 @@ def keys_at(folder: Path, descriptions: Descriptions, compared: str = "kernels")
     answers = [json.loads(line) for line in done.stdout.splitlines()]
     keys = {name: (kernels, arrays) for first, kernels, arrays, _ in answers if kernels for name in same_as[first]}
     if answers and not keys:
-        raise RuntimeError(
-            f"{folder}: no configuration can be opened with this code, the first because of {answers[0][3]}"
-        )
+        raise RuntimeError(f"{folder}: no configuration can be opened with this code; the first error: {answers[0][3]}")
     return keys

@@ -93,7 +93,7 @@ def main(checkout: str, compared: str = "kernels") -> None:
                     reply = [name, machine_code_key(recorded_calls(description)), None, None]
                 else:
                     reply = [name, *key(description, digests), None]
-        except Exception as error:  # whatever old code raises for a scene that it does not know
+        except Exception as error:  # whatever old code raises for a scene that it does not support
             reply = [name, None, None, f"{type(error).__name__}: {error}"[:300]]
         print(json.dumps(reply), flush=True)
 

@@ -117,8 +117,8 @@ class Summary:
         self.seconds = time.perf_counter() - self.begin
 
     def counts(self, done: str = "measured") -> str:
-        """`3 measured, 2 held in the store, 7 s`."""
-        return f"{self.measured} {done}, {self.stored} held in the store, {self.seconds:.0f} s"
+        """`3 measured, 2 already in the store, 7 s`."""
+        return f"{self.measured} {done}, {self.stored} already in the store, {self.seconds:.0f} s"
 
     def ending(self, before: str = "; ") -> str:
         """Return the message about Ctrl-C if that was the end, else nothing."""

@@ -57,7 +57,7 @@ def print_sweep(console: Console, summary: SweepSummary) -> None:
     if any("used up" in reason for _, reason in summary.skipped):
         console.print("  run it again to measure what was left out")
     if summary.interrupted:
-        console.print("  stopped; run it again and it goes on from here")
+        console.print("  stopped; run it again to resume")
 
 
 def _short(seconds: float) -> str:

@@ -118,15 +118,15 @@ def grid_refusal(scene: Scene) -> str | None:
     if scene.method.solver != "mass-spring":
         return f"it has no {scene.method.solver} solver"
     if scene.method.integrator != "lab":
-        return f"it knows the lab's step alone, not {scene.method.integrator}"
+        return f"it supports only the integrator lab, not {scene.method.integrator}"
     if scene.springs is None:
         return "it has no grid without springs"
     if scene.springs.alternate:
-        return "it knows one stiffness, these springs alternate"
+        return "it supports one stiffness; these springs alternate"
     if scene.external is not None and scene.external.magnitude > 0:
         return "it has no external force"
     unknown = present_parts(scene) - {"springs", "damping", "gravity", "pins"}
-    return f"it does not know {', '.join(sorted(unknown))}" if unknown else None
+    return f"it does not support {', '.join(sorted(unknown))}" if unknown else None
 
 
 class SheetStart:

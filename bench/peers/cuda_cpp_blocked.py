@@ -236,5 +236,5 @@ class Blocked(Sheet):
             failed = np.zeros(1, np.int32)
             checked(self._driver.cuMemcpyDtoH(failed.ctypes.data, self._exchanged[-1], failed.nbytes), "cuMemcpyDtoH")
             if failed[0]:
-                raise PeerError("a block waited in vain for its neighbours")
+                raise PeerError("a block waited too long for its neighbours")
         return state

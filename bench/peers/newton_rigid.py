@@ -38,12 +38,12 @@ class NewtonRigid(Newton):
 
     def scene_refusal(self, scene: Scene) -> str | None:
         if not scene.bodies:
-            return "it knows rigid bodies alone"
+            return "it supports only rigid bodies"
         unknown = set(scene.kinds.values()) - KNOWN
         if unknown:
             return f"it has no {', '.join(sorted(unknown))} as the lab means it"
         if {body.shape and body.shape.name for body in scene.bodies.values()} != {"beam"}:
-            return "it knows beams alone"
+            return "it supports only beams"
         return None
 
     def opened(self, scene: Scene, precision: str) -> Opened:

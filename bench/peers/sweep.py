@@ -96,7 +96,7 @@ class _Comparison(Sweep):
         if not works:
             return f"{case.peer.label}: {text}"
         if case.backend not in here or (case.backend == "gpu" and gpu_simulated()):
-            return f"{case.peer.label}: the lab has no {case.backend} here to be held beside"
+            return f"{case.peer.label}: softlab has no {case.backend} here to compare with"
         reason = case.peer.refusal(case.scene)
         return f"{case.peer.label}: {reason}" if reason else None
 

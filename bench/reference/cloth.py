@@ -35,7 +35,7 @@ def rest(scene: Scene) -> np.ndarray:
     cloth = scene.cloth
     assert cloth is not None
     if scene.mesh:
-        raise SceneError("mesh", scene.name, "has no reference to be judged by; choose a scene with a grid or a cloth")
+        raise SceneError("mesh", scene.name, "has no reference; choose a scene with a grid or a cloth")
     row, column = np.mgrid[: cloth.rows, : cloth.columns]
     zero = np.zeros_like(row)
     flat = cloth.placement == "flat"

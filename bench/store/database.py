@@ -147,13 +147,13 @@ class Store:
             elif "readonly" in text or "unable to open" in text:
                 remedy = "the file or its folder cannot be written; check the permissions, or give another path"
             elif "full" in text:
-                remedy = "the disk is full; make room, then run the same command again to resume"
+                remedy = "the disk is full; free some space, then run the same command again to resume"
             else:
                 remedy = "the store is damaged; move it away (or restore a copy) and merge its last export"
             raise InputError(f"{self.path}: {text}: {remedy}") from None
         except UnicodeDecodeError:
             raise InputError(
-                f"{self.path}: holds text that is none: the store is damaged; move it away (or restore a copy)"
+                f"{self.path}: contains invalid text: the store is damaged; move it away (or restore a copy)"
             ) from None
 
     @contextmanager

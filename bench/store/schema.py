@@ -115,11 +115,11 @@ def checked_record(record: Mapping[str, Any]) -> Mapping[str, Any]:
 
     def check(name: str, value: Any) -> None:
         if value is not None and (type(value) not in (int, float) or not 0 <= value < float("inf")):
-            raise ValueError(f"{name} = {value!r} is no number of at least 0")
+            raise ValueError(f"{name} = {value!r} is not a number of at least 0")
 
     def check_table(name: str, table: Any) -> None:
         if table is not None and not isinstance(table, dict):
-            raise ValueError(f"{name} = {table!r} is no table of numbers")
+            raise ValueError(f"{name} = {table!r} is not a table of numbers")
         for key, value in (table or {}).items():
             (check_table if isinstance(value, dict) else check)(f"{name}.{key}", value)
 

@@ -149,7 +149,7 @@ def read_text(file: Path) -> Rows:
                 ValueError, LookupError, AttributeError, TypeError, RecursionError, csv.Error, EOFError, zlib.error,
             ) as error:  # fmt: skip
                 raise InputError(
-                    f"{file}, line {reader.line_num}: not a line of a text export ({error}); export it anew"
+                    f"{file}, line {reader.line_num}: not a line of a text export ({error}); export it again"
                 ) from None
     except OSError as error:
         raise InputError(f"{file} cannot be read: {error.strerror or error}; check the path") from None

@@ -112,6 +112,6 @@ def _insert(store: Store, rows: Rows, origin: str | Path) -> dict[str, int]:
                 added[table] = connection.total_changes - before
     except (sqlite3.IntegrityError, OverflowError, ValueError) as error:
         raise InputError(
-            f"{origin}: the results do not fit together ({error}); nothing was taken; export them anew"
+            f"{origin}: the results are inconsistent ({error}); nothing was merged; export them again"
         ) from None
     return added

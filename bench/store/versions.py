@@ -84,8 +84,9 @@ def refuse_changed_files(allowed: bool) -> None:
     revision = _revision() or ""
     if revision.endswith("+") and not allowed:
         raise InputError(
-            f"the lab's files differ from commit {revision.rstrip('+')}, so that these measurements could not be traced to "
-            "their code; commit the changes, or measure with softlab --allow-dirty COMMAND, which marks every run"
+            f"the lab's files differ from commit {revision.rstrip('+')}, so these measurements could not "
+            "be traced to their code; commit the changes, or measure with softlab --allow-dirty COMMAND, which marks "
+            "every run"
         )
 
 

@@ -82,7 +82,9 @@ class CudaSimulation(Simulation):
         """Raise SceneError if a launch of blocks over the sheet has more of them than CUDA allows."""
         if -(-self.body.rows // BLOCK[1]) > MAX_BLOCKS_DOWN:
             most = MAX_BLOCKS_DOWN * BLOCK[1]
-            raise SceneError(f"{sheet}.rows", self.body.rows, f"at most {most} rows on the gpu; turn the sheet")
+            raise SceneError(
+                f"{sheet}.rows", self.body.rows, f"at most {most} rows on the gpu; exchange rows and columns"
+            )
 
     def _start(self, threads: int = 256) -> None:
         """Allocate everything for a step on the device, in the state at time 0. `threads`: of a block of `_flat`."""

@@ -119,7 +119,7 @@ class FlagExchange(Exchange):
                 if window.fetch(self.failed[place]) != 0:
                     raise BackendUnavailable(
                         f"a neighbour of GPU {self.devices[place]} does not answer",
-                        "start the run again, or use --link nccl, which waits without flags",
+                        "start the run again, or use --link nccl",
                     )
 
 

@@ -68,7 +68,7 @@ class Fluid(FluidSimulation, SubstepSimulation):
         needed += cell_bytes(count, self.most_cells, self.neighbours, item)
         field = f"{self.scene.fluid_set.names[0]}.rest_distance"
         if max(self.most_cells, SIZE * count) > np.iinfo(np.int32).max:
-            raise SceneError(field, f"{count} particles", "more than 32-bit indices can tell apart")
+            raise SceneError(field, f"{count} particles", "more than 32-bit indices can number")
         self._require_memory(needed, field, f"{count} particles")
 
     # ------------------------------------------------------------------ arrays and kernels

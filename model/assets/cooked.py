@@ -82,7 +82,7 @@ def cooked(
     settled = is_settled(source)
     if settled and (edge is not None or voxels is not None):
         field, value = ("edge", edge) if edge is not None else ("voxels", voxels)
-        raise SceneError(field, value, "a file of tetrahedra is taken as it is; leave it out")
+        raise SceneError(field, value, "a file of tetrahedra is used unchanged; leave it out")
     prepared = unite or simplify is not None
     if settled and prepared:
         raise SceneError(
@@ -209,7 +209,7 @@ def _body_of_file(path: Path, scale: float) -> CookedBody:
         if "report" in arrays:
             body = _unpacked(arrays)
             if body is None:
-                raise InputError(f"{path} is no whole body, or of another version of the lab; cook it again")
+                raise InputError(f"{path} is incomplete or from another version; cook it again")
             return scaled(body, scale)
     return body_of_tetrahedra(*read_tetrahedra(path, scale))
 

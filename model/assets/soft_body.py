@@ -130,8 +130,8 @@ class RigidBody(Part):
             value = getattr(self, name)
             if value > (name == "volume_sampling") and value != type(self).model_fields[name].default and not added:
                 notes.append(
-                    f"{name} = {value:g} adds no particle: the lattice of particle_spacing leaves no room for any; another "
-                    "spacing leaves some"
+                    f"{name} = {value:g} adds no particle: the lattice of particle_spacing fills the body already; try "
+                    "another spacing"
                 )
         return notes
 
@@ -181,7 +181,10 @@ class SoftBody(RigidBody):
         clusters = replace(body.clusters, material=self.material(body.clusters.count))
         notes = (*body.report.notes, *self.idle(body.report))
         if clusters.parts & {"linear", "plastic"} and (flat := int(clusters.flat.sum())):
-            notes = (*notes, f"{flat} of {clusters.count} clusters are flat: they only turn, and keep no strain")
+            notes = (
+                *notes,
+                f"{flat} of {clusters.count} clusters are flat: they only rotate and have no plastic strain",
+            )
         return replace(body, clusters=clusters, report=replace(body.report, notes=notes))
 
     @model_validator(mode="after")
@@ -222,7 +225,7 @@ class SoftBody(RigidBody):
         if self.link_radius and not len(one):
             raise SceneError(
                 "link_radius", self.link_radius,
-                f"links no particles: no two are so near; try {1.5 * self.particle_spacing:.3g}, or leave it out",
+                f"links no particles, because none are that close; try {1.5 * self.particle_spacing:.3g}, or leave it out",
             )  # fmt: skip
         return np.stack([one, other], axis=1).astype(np.int32), length
 

@@ -38,7 +38,9 @@ class SoftLattice(SoftBody):
         "volume_sampling", "surface_sampling", "cluster_spacing", "cluster_radius", "link_radius", "link_stiffness",
         "fill_holes",
     )  # fmt: skip
-    lacks_reason: ClassVar[str] = "does not apply to a lattice, which fills a box evenly; region says what moves as one"
+    lacks_reason: ClassVar[str] = (
+        "does not apply to a lattice, which fills a box evenly; `region` sets the size of its clusters"
+    )
 
     region: Count = 2
 

@@ -120,7 +120,7 @@ class UnstableTimeStep(SceneError):
             remedy = f"over the stability limit of {integrator} here; use dt <= {limit:.6g} s"
         else:
             remedy = f"{integrator} is unstable at every step size here; choose another integrator"
-        super().__init__("method.dt", dt, remedy + ", or pass --allow-unstable to watch it break")
+        super().__init__("method.dt", dt, remedy + ", or pass --allow-unstable to run it anyway")
 
 
 class BackendUnavailable(SoftlabError):

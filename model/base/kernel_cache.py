@@ -86,7 +86,7 @@ def _unwritable(reason: object) -> None:
     """Warn once per process: a cache that cannot be written only costs time."""
     if "unwritable" not in _warned:
         _warned.add("unwritable")
-        text = f"machine code cannot be cached ({reason}): every run compiles anew"
+        text = f"machine code cannot be cached ({reason}): every run compiles again"
         warnings.warn(text, KernelCacheWarning, stacklevel=2)
 
 

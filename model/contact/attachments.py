@@ -150,5 +150,5 @@ def _to_cloth(body_set: TetrahedraSet, name: str, attachment: Attachment) -> Row
 def _check_near(body_set: TetrahedraSet, name: str, attachment: Attachment, beyond: float) -> None:
     """Raise SceneError if a vertex is farther from its attachment [m] than a mean edge."""
     if beyond > body_set.spacing:
-        reason = f"a vertex of {attachment.body} lies {beyond:.3g} m outside of it; attach what touches it"
+        reason = f"a vertex of {attachment.body} lies {beyond:.3g} m outside of it; attach vertices that touch it"
         raise SceneError(f"{name}.to", attachment.to, reason)

@@ -78,7 +78,7 @@ def fluid_note(scene: Scene) -> str:
         if part.viscosity > most:
             note += f"; of {name}.viscosity only {most:.3g} Pa s act at this substep"
     if scene.method.scheme == "averaged":
-        note += "; the averaged scheme lets a fluid sink together"
+        note += "; the averaged scheme lets a fluid be compressed by its weight"
     note = "; ".join([note, *scheme_notes(scene)])
     for name, part in scene.fluids.items():
         if part.surface_tension > 0 and part.cohesion == 0:

@@ -43,7 +43,11 @@ def _cloth_stencil(scene: Scene) -> Stencil:
     require_local(scene)
     name = scene.method.integrator
     if name in IMPLICIT:
-        raise SceneError("method.integrator", name, "solves for the whole cloth at once: choose another to share it")
+        raise SceneError(
+            "method.integrator",
+            name,
+            "solves for the whole cloth at once; choose another integrator for several GPUs or processes",
+        )
     apart = name == "velocity-verlet" and not kicks_coupled(cloth_parts(scene))
     forces = 2 if apart else integrators_for(scene)[name].forces
     rows = 2 if "bending" in scene.cloth_springs else 1

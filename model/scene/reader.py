@@ -59,7 +59,7 @@ def scene_tables(name_or_path: str | Path) -> tuple[dict[str, Any], str]:
         data = tables_of(written)
     except ValueError as error:
         mesh = (
-            f"; a mesh is cloth by a scene file with [mesh] file = {Path(text).name!r}"
+            f"; to use a mesh as a cloth, write a scene file with [mesh] file = {Path(text).name!r}"
             if Path(text).suffix in FORMATS
             else ""
         )

@@ -58,7 +58,7 @@ class Scene(SceneParts):
         super().__init__(tables, name, title)
         for kind in KINDS:
             if kind not in SEVERAL and len(self.all_of(kind)) > 1:
-                raise SceneError(kind, list(self.all_of(kind)), "one part of this kind a scene")
+                raise SceneError(kind, list(self.all_of(kind)), "a scene has at most one part of this kind")
         sheets = list(self.all_of(*SHEETS))
         if len(sheets) > 1:
             described = [name if name == self.kinds[name] else f"{name} (kind {self.kinds[name]})" for name in sheets]

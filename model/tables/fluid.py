@@ -69,7 +69,7 @@ class Fluid(Part):
             )
         one: Any
         if self.size is None and self.capacity is None:
-            raise ValueError("size: must be given, or a capacity, of a fluid that an emitter gives")
+            raise ValueError("size: must be given, or a capacity if an emitter fills the fluid")
         main_block = [("size", self)] if self.size is not None else []
         for field, one in (*main_block, *(("blocks", block) for block in self.blocks)):
             if len(one.size) != self.dimensions:

@@ -38,7 +38,7 @@ def damping_lines(scene: Scene) -> list[str]:
     others = int((load > UNRESOLVED).sum()) - 1
     more = f" (and of {others} more)" if others else ""
     return [
-        f"{name}.damping = {part.damping:g} s{more} is more than the sweeps of a substep resolve: dampers hold up loads at "
-        f"rest, so that the body lies flatter than its stiffness says and may stay inside out; reduce it to "
+        f"{name}.damping = {part.damping:g} s{more} is more than the sweeps of a substep resolve: dampers then "
+        "support static loads, so that the body is flatter than its stiffness says and may stay inverted; reduce it to "
         f"{part.damping / load[worst]:.2g} s, or take {int(np.ceil(load[worst]))} times as many substeps or iterations"
     ]

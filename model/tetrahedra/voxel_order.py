@@ -17,7 +17,7 @@ from softlab.model.base.errors import InputError
 from softlab.model.geometry.lists import offsets_of
 from softlab.model.particles.tetrahedra_set import TetrahedraSet
 
-REMEDY = "its file is no good; cook it again"
+REMEDY = "its file is invalid; cook it again"
 FIVE = 5  # of a voxel; the large one, which touches all others, comes first in a mesh
 
 

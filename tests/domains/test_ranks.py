@@ -165,7 +165,7 @@ def test_a_cloth_has_the_bits_of_one(name, integrator, halo):
     [
         ("cloth-mesh", {}, "a position-based mesh is not shared"),
         ("cloth-flamenco", {}, "pins anywhere"),
-        ("cloth-self", {}, "meet from anywhere"),
+        ("cloth-self", {}, "anywhere in the whole cloth collide"),
         ("jelly-block", {}, "1 body is never cut; use 1"),
         ("dam-break", {}, "thinner than their halo"),
         ("fem-cantilever", {"method.iterations": 20}, "use at most 1"),

@@ -89,7 +89,7 @@ def test_fast_math_stays_within_rounding(kernel: str, integrator: str, precision
     the hand-out's step is (p' - p)/dt: it feeds the rounding of p back as eps p/dt, from which every later step moves on
     by eps p: n^2/2 of them, since its damping forgets little in 300 steps."""
     if kernel == "one-block" and integrator == "rk4":
-        pytest.skip("one-block runs integrators with one force a step")
+        pytest.skip("one-block supports integrators with one force evaluation per step")
     scene = scene_of("air", integrator, rows=20, columns=22)
     exact = end_state(scene, "cpu", precision=precision, math="exact")
     fast = end_state(scene, "gpu", precision=precision, math="fast", kernel=kernel)

@@ -51,7 +51,9 @@ def test_the_smallest_grids(rows: int, columns: int) -> None:
 @pytest.mark.parametrize("kernel", ["one-block", "tiles", "resident", "tiles:8x8x1h2"])
 def test_kernels_on_tiles_refuse_them(kernel: str) -> None:
     scene = load_scene("lab-grid").replace(CHANGES)
-    with pytest.raises(SceneError, match="knows one stiffness, not alternating springs; use graph, launch or stages"):
+    with pytest.raises(
+        SceneError, match="supports one stiffness, not alternating springs; use graph, launch or stages"
+    ):
         open_simulation(scene, "gpu", kernel=kernel, allow_unstable=True)
 
 

@@ -70,18 +70,20 @@ def why_unknown(scene: Scene) -> str | None:
     if family.unknown is not None:
         return family.unknown
     if scene.whole.phases:
-        return "no converged reference knows pins that let go; leave out [release]"
+        return "no converged reference supports released pins; leave out [release]"
     if scene.self_collision:
-        return "a cloth that meets itself has no converged reference; leave out [self_collision], or see softlab run"
+        return (
+            "a cloth in contact with itself has no converged reference; leave out [self_collision], or see softlab run"
+        )
     if scene.attachments:
-        return "no converged reference knows long-range attachments; leave out [attachments]"
+        return "no converged reference supports long-range attachments; leave out [attachments]"
     if scene.method.solver == "pbd":
         return (
             "pbd has no converged reference: its stiffness is that of its step size and iterations; "
             "--set method.solver=xpbd has the springs'"
         )
     if any(springs.inextensible for springs in (scene.springs, *scene.cloth_springs.values()) if springs):
-        return "springs that do not give (compliance 0) have no converged reference; give them a compliance"
+        return "inextensible springs (compliance 0) have no converged reference; give them a compliance"
     return None
 
 
@@ -93,9 +95,7 @@ def newton(scene: Scene) -> Scene:
     """
     why = why_unknown(scene)
     if why is None and scene.loads:
-        why = (
-            "no converged reference can be had by mass-spring where masses differ; leave out loads, or see softlab run"
-        )
+        why = "mass-spring has no converged reference for different masses; leave out loads, or see softlab run"
     if why is not None:
         raise SceneError("method.solver", scene.method.solver, why)
     return scene.replace({"method.solver": "mass-spring"}) if scene.method.position_based else scene

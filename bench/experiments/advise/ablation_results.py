@@ -129,7 +129,7 @@ class Ablated:
             broke = [row.name for row in self.rows if row.broke]
             text = (
                 f"{head}: unknown what it needs at {self.end:g} s, because a perturbation has grown "
-                f"{self.full.growth:.1e} times (over {MAX_GROWTH:g}); ask for a shorter --time, or compare the statistics"
+                f"{self.full.growth:.1e} times (over {MAX_GROWTH:g}); use a shorter --time, or compare the statistics"
             )
             return text + (f"; it diverges {_listed(broke)}." if broke else ".")
         writers = {PART: self._parts_words, INTEGRATOR: self._method_words, ARITHMETIC: self._method_words,

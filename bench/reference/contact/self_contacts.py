@@ -265,7 +265,9 @@ def simulate(
     SceneError for parts that are not supported here.
     """
     if scene.wind or scene.external or scene.attachments or scene.loads or not scene.self_collision:
-        raise SceneError("scene", scene.name, "the reference of contacts knows springs, gravity, dampers and colliders")
+        raise SceneError(
+            "scene", scene.name, "the reference of contacts supports springs, gravity, dampers and colliders"
+        )
     grid, method, part = scene.grid, scene.method, scene.self_collision
     h, shape = method.dt / method.substeps, (grid.rows, grid.columns, 3)
     constraints = xpbd.of_scene(scene)

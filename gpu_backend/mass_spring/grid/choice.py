@@ -95,9 +95,9 @@ def default_kernel(scene: Scene, real: Any, limits: tuple[int, int] | None = Non
     if not can_capture():
         return "launch", None, "the simulator captures no graphs"
     if scene.method.integrator == "rk4":
-        return "graph", None, "the kernels on tiles run one force a step, rk4 has four"
+        return "graph", None, "the kernels on tiles evaluate forces once per step, rk4 four times"
     if scene.springs and scene.springs.alternate:
-        return "graph", None, "the kernels on tiles know one stiffness, these springs alternate"
+        return "graph", None, "the kernels on tiles support one stiffness; these springs alternate"
     return fastest(_times(scene.grid.rows, scene.grid.columns, real, limits))
 
 

@@ -98,11 +98,7 @@ def divide(apart: Apart, count: int, option: str) -> Division:
     if count < 1:
         raise SceneError(option, count, "must be at least 1")
     if count > bodies:
-        reason = (
-            "1 body is never cut"
-            if bodies == 1
-            else f"{bodies} bodies, which are not cut, can be shared by at most {bodies}"
-        )
+        reason = "1 body is never cut" if bodies == 1 else f"{bodies} bodies can be divided among at most {bodies}"
         raise SceneError(option, count, f"{reason}; use {'1' if bodies == 1 else 'fewer'}")
     ends = np.concatenate([[0], np.cumsum(apart.weights)])
     cuts = [0]

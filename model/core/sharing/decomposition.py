@@ -18,12 +18,12 @@ from softlab.model.base.errors import SceneError
 from softlab.model.scene.scene import Scene
 
 WHOLE_CLOTH = {  # kinds of tables that refer to masses by their place in it, or connect them across it
-    "load": "lies at a place of the whole cloth",
+    "load": "is at a position of the whole cloth",
     "motion": "moves pins of the whole cloth",
-    "fold": "lays the whole cloth",
-    "external": "draws a number for each mass of the whole cloth",
-    "attachments": "holds masses by pins anywhere in the whole cloth",
-    "self_collision": "lets masses meet from anywhere in the whole cloth",
+    "fold": "folds the whole cloth",
+    "external": "draws a random number for each mass of the whole cloth",
+    "attachments": "attaches masses to pins anywhere in the whole cloth",
+    "self_collision": "lets masses anywhere in the whole cloth collide",
 }
 
 MOST_STEPS = 32  # between two exchanges: beyond it their cost is small relative to that of the rows computed twice

@@ -120,7 +120,7 @@ def beyond_numbers(at: Situation) -> Diagnosis | None:
         return None
     sheet = at.scene.name_of("grid", "cloth") or "grid"
     return Diagnosis(
-        f"stiffness over mass is beyond the numbers of a computer here, so that no step size holds; {sheet}.mass is "
+        f"stiffness over mass is beyond the numbers of a computer here, so that no step size is stable; {sheet}.mass is "
         f"{at.scene.grid.mass:g} kg",
         "use a larger mass, or less stiffness",
     )
@@ -136,7 +136,7 @@ def no_usable_step(at: Situation) -> Diagnosis | None:
     for (name, field), value in sorted(values.items(), key=lambda item: -abs(log10(item[1]))):
         holds = _power_that_holds(at.scene, f"{name}.{field}", value, field in LIGHT)
         if holds is not None:
-            steps = f"steps of {at.limit:.3g} s" if at.limit > 0 else "steps that no number is short enough for"
+            steps = f"steps of {at.limit:.3g} s" if at.limit > 0 else "steps shorter than any floating-point number"
             wrong, bound = ("small", "least") if field in LIGHT else ("large", "most")
             return Diagnosis(
                 f"{name}.{field} = {value:g} is too {wrong}: {at.integrator} would need {steps}",
@@ -238,7 +238,7 @@ def diagnose(
         diagnosis = cause(at)
         if diagnosis is not None:
             return Diagnosis(diagnosis.cause, diagnosis.remedy, name)
-    return Diagnosis("no cause of a known kind applies", f"use dt <= {at.dt / 2:.6g} s")
+    return Diagnosis("the cause is unknown", f"use dt <= {at.dt / 2:.6g} s")
 
 
 def refusal(scene: Scene) -> UnstableTimeStep | None:

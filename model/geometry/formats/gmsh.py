@@ -37,7 +37,7 @@ def read_gmsh(data: bytes) -> Elements:
         raise InputError(f"its numbers have {size} bytes, not 8; export it again")
     one = data[head.end() : head.end() + 4]
     if one not in (b"\1\0\0\0", b"\0\0\0\1"):
-        raise InputError("it says that it is binary, and it is not, or it is damaged; export it again")
+        raise InputError("it is declared as binary, but is not, or is damaged; export it again")
     reader = _Binary(data, "<" if one[0] else ">")
     return _blocks(reader) if version == "4.1" else reader.lines()
 

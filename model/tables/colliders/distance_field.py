@@ -125,7 +125,11 @@ class DistanceField(SurfaceCollider):
     def too_many(self) -> tuple[str, object, str]:
         """Return (field, value, remedy) for the error about too many samples, see SurfaceCollider."""
         _, points, spacing, _ = self.grid
-        return "spacing", spacing, f"{points.prod()} samples are too many beside the others: use {2 * spacing:.3g}"
+        return (
+            "spacing",
+            spacing,
+            f"{points.prod()} samples are too many together with the other fields; use {2 * spacing:.3g}",
+        )
 
     def lines(self) -> list[str]:
         """Return the lines of other surfaces, and the grid with the largest distance of its surface from the mesh's
@@ -135,5 +139,5 @@ class DistanceField(SurfaceCollider):
         lines = [*super().lines(), f"distances at {grid} points, {field.spacing:.4g} m apart: at most {off:.2g} m off at "
                  "the mesh's corners"]  # fmt: skip
         if field.overlaps:
-            lines.append("the mesh runs through itself: inside, what is nearest may be a part of it that lies within")
+            lines.append("the mesh intersects itself, so that distances inside may refer to an inner part")
         return lines
