@@ -19,7 +19,7 @@ def outcome_of(report: Mapping[str, Any], diverged: Diverged | None = None) -> s
 
 
 def fault_lines(report: Mapping[str, Any]) -> list[str]:
-    """Return a sentence for each fault of a run: what is wrong, by how much, and what helps."""
+    """Return a sentence for each fault of a run: the fault, its size, and the remedy."""
     lines = []
     if lost := report.get("contacts_lost"):
         lines.append(

@@ -17,9 +17,9 @@ SHORT = 24  # characters: shorter cells are names or numbers and stay in one lin
 class Output(Console):
     """A console that cuts no cell of a table, and folds nothing if its output is no terminal.
 
-    There a sentence is a line and a table as wide as it needs, without trailing blanks. In a terminal that is narrower
-    than a table, heads and sentences in cells are folded; if that is not enough, the columns are printed in blocks,
-    each next to the names of its rows.
+    Such an output gets one line per sentence and tables of full width, without trailing blanks. In a terminal that is
+    narrower than a table, heads and sentences in cells are folded; if that is not enough, the columns are printed in
+    blocks, each next to the names of its rows.
     """
 
     def print(self, *objects: Any, **how: Any) -> None:

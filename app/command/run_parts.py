@@ -93,8 +93,7 @@ def newton_notes(report: dict[str, Any]) -> list[str]:
 
 def contact_report(simulation: Simulation, state: State) -> dict[str, Any]:
     """Return, for a cloth with self-contact: the least gaps [m] between layers and between edges (None: more than the
-    thickness), and what contacts of masses with triangles miss (pairs of edges that are too near, edges through
-    triangles).
+    thickness), and the contacts that are not detected (pairs of edges that are too near, edges through triangles).
 
     Takes seconds for large sheets.
     """

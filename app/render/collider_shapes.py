@@ -230,8 +230,8 @@ def collider_boxes(scene: Scene, bounds: Sequence[float], time: float) -> Iterat
     it extends at most half the masses' size beyond them on each side, since a ball as large as a planet, or one that
     flew off, would make the cloth invisibly small.
 
-    Whole, if it is not much larger than the masses, and else not further than half their own size on each side: a ball as
-    large as a planet, or one that flew off, would leave nothing to see of the cloth.
+    It is the whole collider if that is not much larger than the masses, otherwise a part: a ball as large as a planet,
+    or one that flew off, would leave nothing to see of the cloth.
     """
     low, high = np.array(bounds[:3]), np.array(bounds[3:])
     size = scene.grid.extent

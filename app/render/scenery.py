@@ -146,8 +146,8 @@ class Scenery:
     def draw_shadows(
         self, camera: Camera3D, time: float, lowest: float, cloth: Iterable[Drawn], others: Sequence[Shade] = ()
     ) -> None:
-        """Draw the shadows of the cloth, of the colliders and, each by itself, of `others`, on the lit planes that are
-        seen from above."""
+        """Draw the shadows of the cloth, of the colliders and of each of `others`, on the lit planes that are seen from
+        above."""
         from pyglet import gl
 
         things = [(drawn, np.zeros(3)) for drawn in cloth]

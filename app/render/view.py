@@ -200,7 +200,7 @@ class View(ABC):
 
     @abstractmethod
     def _draw_solid(self, camera: Any, strain_range: float) -> None:
-        """Draw what is opaque."""
+        """Draw opaque objects."""
 
     @abstractmethod
     def _draw_shadows(self, camera: Camera3D, time: float) -> None:
@@ -208,7 +208,7 @@ class View(ABC):
 
     @abstractmethod
     def _draw_over(self, camera: Any, selected: int | None) -> None:
-        """Draw what is transparent, and marks."""
+        """Draw transparent objects and marks."""
 
     def _use_points(self, camera: Any, array: Any) -> None:
         """Use the points of a vertex array from now on; `_style` sets their style."""

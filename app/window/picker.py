@@ -99,8 +99,8 @@ class Picker:
         return force if all(map(math.isfinite, force)) else nothing
 
     def push(self, world: Simulation, position: np.ndarray, interval: float) -> None:
-        """Apply the force of the poke to the world, or release it. Raises what `Simulation.poke` raises. A body is not
-        poked but pulled, see `pull`."""
+        """Apply the force of the poke to the world, or release it. Raises the errors of `Simulation.poke`. A body is
+        not poked but pulled, see `pull`."""
         if presentation_of(world.scene).grips:
             self._constraint = self._constraint if self.poke else None
             return

@@ -14,7 +14,7 @@ PULLED = "a mass was pulled"
 
 
 class Poking(Worlds):
-    """Worlds that can be selected, pulled and poked. Never raises for what a user does."""
+    """Worlds that can be selected, pulled and poked. User actions never raise."""
 
     def name(self, particle: int) -> str:
         """Return `row, column` of a mass; for bodies the particle's number and its body; for a world the number in its

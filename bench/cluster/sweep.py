@@ -202,7 +202,7 @@ class Sweep:
     # ------------------------------------------------------------------ the end
 
     def _end(self) -> None:
-        """Stop the remaining workers, merge what all left, and remove the folder if everything is in the store."""
+        """Stop the remaining workers, merge all results, and remove the folder if everything is in the store."""
         with suppress(KeyboardInterrupt):  # a second Ctrl-C stops by force
             self._stop_workers()
         if not self.summary.interrupted and (left := self._left()):
@@ -244,7 +244,7 @@ class Sweep:
         return not self.summary.interrupted and not any(status.machine for status in self.statuses.values())
 
     def _refuse(self) -> None:
-        """Raise the error that the workers reported, else one that says how they ended."""
+        """Raise the error that the workers reported, or else one that describes how they ended."""
         if self.refused is not None:
             error = InputError(self.refused.reason)
             error.exit_status = self.refused.exit_status

@@ -1,4 +1,5 @@
-"""Kernel digests: a hash of what a compiled function computes, whatever its names and whichever Python runs.
+"""Kernel digests: a hash of the computation of a compiled function, independent of names and of the version of
+Python.
 
 Measurements are keyed by it (bench/keys/enter.py). Machine code is not: two kernels of one digest may have other symbols, so
 the cache of machine code uses `content_digest`. Nothing here imports the lab, so that the same file can be loaded beside the

@@ -35,7 +35,7 @@ class Launch:
 def recorded() -> Iterator[list[Launch]]:
     """Record the calls of compiled CPU functions and the launches of CUDA kernels inside, without running them.
 
-    Calls that build what a simulation starts from are run and not recorded: their results are among the arrays.
+    Calls that build the initial state of a simulation are run and not recorded: their results are among the arrays.
     """
     from numba.core.registry import CPUDispatcher
 

@@ -90,7 +90,7 @@ def compile_case(case: Any) -> None:
 
 
 def compilations(cases: Iterable[Any]) -> Iterator[Job]:
-    """Yield the compilation of each case; not of cases that are too large to be opened for nothing else."""
+    """Yield the compilation of each case; not for cases that are too large to be opened only for this."""
     for case in cases:
         ours = hasattr(case, "open") and getattr(case, "peer", None) is None
         if ours and case.scene.grid.particle_count <= MAX_PARTICLES:

@@ -108,7 +108,7 @@ class Summary:
         return cls(enter_machine(store), name=name, begin=begin, version=version)
 
     def start(self, store: Store, command: str) -> str:
-        """Start the run of what is measured now, unless it has one; return its key."""
+        """Start a run for the present measurements, unless there is one; return its key."""
         self.run = self.run or store.start_run(self.machine, command, self.version)
         return self.run
 

@@ -64,7 +64,7 @@ def machine_record() -> dict[str, Any]:
 
 
 def machine_key(record: dict[str, Any]) -> str:
-    """12 hexadecimal digits of what identifies the machine: the same in every process, without its name."""
+    """Return 12 hexadecimal digits that identify the machine: the same in every process, without its name."""
     identity = {name: record.get(name) for name in IDENTITY}
     return hashlib.sha256(canonical(identity).encode()).hexdigest()[:12]
 

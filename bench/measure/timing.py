@@ -2,15 +2,15 @@
 
 - Compilation and warm-up come first and are reported separately.
 - Every repeat starts from the same state, loaded outside the timed region; the device is waited for inside it.
-- What is compared is interleaved (A B A B ...), so that a slow minute of the machine hits all alike.
+- Compared configurations are interleaved (A B A B ...), so that a slow minute of the machine affects all of them.
 - A sample is as many steps as fill a given time, or (where an error belongs to the time) whole runs of the interval
   over which the error is judged, each from the start; raw repeats are kept, never only their mean.
-- What looks wrong is marked with the reason, not dropped: a sample under 1 ms, other programs on the cores it used, a
+- Doubtful samples are marked with the reason, not dropped: a sample under 1 ms, other programs on the cores it used, a
   state that is not finite or incomplete (contacts lost, elements inverted or caught). (A spread over 10 % is seen when
   the repeats are summed up, in bench/store/results.py.)
 
-With graphics, every DRAW_EVERY steps are followed by one off-screen picture, inside the timed region; what drawing
-costs is the difference to the same configuration without.
+With graphics, every DRAW_EVERY steps are followed by one off-screen picture, inside the timed region; the cost of
+drawing is the difference to the same configuration without graphics.
 """
 
 from __future__ import annotations
@@ -196,7 +196,7 @@ def incomplete(simulation: Any) -> list[str]:
 def warm_up(subject: Subject) -> tuple[float, float]:
     """Return (first, second): seconds of the shortest run; the first includes the remaining compilation and loading.
 
-    Raises Diverged, and whatever the backend raises where it cannot run.
+    Raises Diverged, and the backend's error if it cannot run.
     """
     subject.restore()
     first = subject.run(subject.least_steps)

@@ -105,7 +105,7 @@ class Frames(Subject):
 
 
 def touch(*buffers: int) -> None:
-    """Make the graphics card read from the buffers: a driver may leave what was sent on the host until then."""
+    """Make the graphics card read from the buffers: a driver may keep the data on the host until then."""
     from pyglet import gl
 
     target = gl.GLuint()

@@ -1,7 +1,7 @@
 """Interface of a peer: another program, or another implementation of this one, that runs a scene of the lab.
 
 A peer is identified by `name`; it reports its `backend`, the scenes that it cannot run (`refusal`), and whether it is
-installed (`available`). `open` returns a simulation reduced to what a comparison needs. To add one: a file with a
+installed (`available`). `open` returns a simulation with the methods that a comparison needs. To add one: a file with a
 subclass of `Peer`, and its name in registry.py.
 """
 
@@ -25,7 +25,7 @@ from softlab.model.scene.scene import Scene
 class Opened(ABC):
     """A scene opened by a peer; a context manager.
 
-    `kernel`: what runs, in a word or two; `threads`: None on the GPU; `steps_together`: steps per pass over memory.
+    `kernel`: the kernel, in a word or two; `threads`: None on the GPU; `steps_together`: steps per pass over memory.
     """
 
     kernel: str = "auto"

@@ -103,7 +103,7 @@ class Beside:
 
 
 def peer_sources(backend: str) -> str:
-    """Return the hash of what a comparison depends on: the sources of the backend and of the peers."""
+    """Return the hash of the code that a comparison depends on: the sources of the backend and of the peers."""
     digest = hashlib.sha256(source_hash(backend).encode())
     for file in sorted(Path(softlab.bench.peers.__file__).parent.rglob("*")):
         if file.suffix in (".py", ".cpp", ".cu"):

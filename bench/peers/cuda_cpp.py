@@ -59,8 +59,8 @@ class CudaCpp(Peer):
 class Sheet(Opened):
     """Sheet of masses in two buffers that swap at every launch.
 
-    Subclasses define `vector`, the numbers of a mass in an array; `function`, the kernel's name; `block`, threads
-    (across, down); `_compiled`, its machine code; `_more`, what it reads besides the buffers.
+    Subclasses define `vector`, the numbers per mass in an array; `function`, the kernel's name; `block`, threads
+    (across, down); `_compiled`, its machine code; `_more`, its arguments besides the buffers.
     """
 
     kernel = f"graph of {CHUNKS[0]} steps"

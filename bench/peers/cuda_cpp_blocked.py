@@ -178,7 +178,8 @@ class Blocked(Sheet):
         return self.tile.blocks(rows, columns)
 
     def _pins(self) -> list[Any]:
-        """Return the pins; also allocate what blocks exchange: borders of tiles, a flag per block, and an error flag."""
+        """Return the pins; also allocate the buffers of exchanges between blocks: borders of tiles, a flag per block,
+        and an error flag."""
         pinned = np.zeros(self.constants.count, np.uint8)
         pinned[self.constants.pinned] = 1
         arrays = [pinned]

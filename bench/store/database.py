@@ -135,7 +135,7 @@ class Store:
 
     @contextmanager
     def _explained(self) -> Iterator[None]:
-        """Turn an error of SQLite into a line with a remedy."""
+        """Raise InputError with a remedy for an error of SQLite."""
         try:
             yield
         except sqlite3.IntegrityError:

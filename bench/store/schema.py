@@ -1,4 +1,4 @@
-"""The tables of a store, and what names its rows. All are keyed by text, so that two stores merge without renumbering:
+"""The tables of a store and their keys. All are keyed by text, so that two stores merge without renumbering:
 
     machine        key, label, record (JSON)
     run            key, machine, commit_hash, started (UTC, ISO 8601), command

@@ -1,4 +1,4 @@
-"""Version of the code that a number is from, which decides what may be compared.
+"""Version of the code of a measurement, which decides which measurements may be compared.
 
 Two timings are compared only where they are of one version of the code: those of one backend if its sources were the same;
 CPU against GPU if some run names the sources of both, because those then lay side by side. Every run records both when it is
@@ -35,7 +35,7 @@ class Version:
     gpu: str | None = None
 
     def __str__(self) -> str:
-        """Return the version for captions: `commit 9613136a2b1c`, or what is known instead."""
+        """Return the version for captions: `commit 9613136a2b1c`, or a substitute."""
         if self.commit:
             return f"commit {self.commit}"
         return f"sources {self.cpu[:8]} and {self.gpu[:8]}" if self.cpu and self.gpu else "commit unknown"

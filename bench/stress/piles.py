@@ -1,6 +1,6 @@
 """Hard cases of bodies under load and at rest: stacks, a heavy body on a light one, heaps, and dropped bodies.
 
-bench/stress/trial.py defines what a law returns; bench/stress/body_cases.py has the scenes.
+bench/stress/trial.py defines the result of a law; bench/stress/body_cases.py has the scenes.
 """
 
 from __future__ import annotations

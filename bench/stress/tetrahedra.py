@@ -1,6 +1,6 @@
 """Hard cases of tetrahedra: B21 to B23 of the lab's collection, and A8, the momenta of a body that flies and spins.
 
-bench/stress/trial.py defines what a law returns; bench/stress/tetrahedral_cases.py has the scenes.
+bench/stress/trial.py defines the result of a law; bench/stress/tetrahedral_cases.py has the scenes.
 """
 
 from __future__ import annotations

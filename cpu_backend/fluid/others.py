@@ -1,4 +1,4 @@
-"""Functions of other packages that a fluid's kernels call: their open names, and what fills them."""
+"""Functions of other packages that a fluid's kernels call: their open names, and the functions for them."""
 
 from __future__ import annotations
 

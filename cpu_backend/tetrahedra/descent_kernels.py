@@ -230,7 +230,7 @@ def advance(team, member, bands, steps, state, descents, holds, world, chebyshev
 def _visits(
     compiler: Compiler, real: Real, material: int, damped: bool, parts: frozenset[str]
 ) -> tuple[Variant, dict[str, Any]]:
-    """Return the variant of a material's visits, and what fills the open names in them."""
+    """Return the variant of a material's visits, and the functions for the open names in them."""
     variant = compiler.variant_of(real, kernel_features(parts) | {"material": material, "damped": damped})
     inlined = compiler.inlined(variant.copied(descent.element))
     return variant, {"element": inlined, "touch": make_collide_mass(compiler, real, parts)}

@@ -116,7 +116,7 @@ class Inspection:
         return () if self.filled_volume is None else tuple(name for name in BODIES if self.roles[name])
 
     def _guessed_size(self) -> str:
-        """Return what the size is with the scale that is guessed, where it is another one."""
+        """Return the size with the guessed scale, if that is not 1."""
         if self.scale != 1 or self.unit_scale in (None, 1.0):
             return ""
         sides = tuple(side * self.unit_scale for side in self.size)
@@ -247,8 +247,8 @@ def _of_tetrahedra(path: Path, scale: float) -> Inspection:
 
 
 def guessed_unit(path: Path, longest: float, scale: float) -> tuple[str, float | None]:
-    """Return a guess of the file's unit by its longest side, in that unit, and the scale [m] that goes with it: what people
-    simulate is 1 mm to 20 m long."""
+    """Return a guess of the file's unit by its longest side, in that unit, and the scale [m] that goes with it:
+    simulated objects are usually 1 mm to 20 m long."""
     if scale != 1:
         return f"given by the scale: {scale:g} m", scale
     suffix = path.suffix.lower()

@@ -48,10 +48,10 @@ class Samples:
 def sample(body: Solid, spacing: float, volume_sampling: float, surface_sampling: float) -> Samples:
     """Particles about `spacing` [m] apart in a body.
 
-    `volume_sampling`: 0, no interior; else what is tried inside is a lattice of the spacing, then one of the spacing over
-    this. `surface_sampling`: how many places are tried for every square of the spacing, and along the longest side of a
-    triangle for every spacing, so that what is thinner than the spacing has some, too.
-    Raises SceneError (spacing: larger than the mesh, or too many particles), InputError (no particle).
+    `volume_sampling`: 0, no interior; else what is tried inside is a lattice of the spacing, then one of the spacing
+    over this. `surface_sampling`: number of candidates per square of the spacing, and per spacing along the longest
+    side of a triangle, so that parts thinner than the spacing have some, too. Raises SceneError (spacing: larger than
+    the mesh, or too many particles), InputError (no particle).
     """
     _check_size(body, spacing, volume_sampling, surface_sampling)
     inner, filled = np.zeros((0, 3)), 0

@@ -81,7 +81,7 @@ class RigidBody(Part):
         """Return the body of a closed mesh: a TriangleMesh (`model.geometry.mesh.read_mesh`,
         `model.geometry.shapes.Shape.mesh`) or (position (vertices, 3) [m], triangles (n, 3)). The same on every call.
 
-        Raises SceneError (a parameter) and InputError (the mesh), each with what would do.
+        Raises SceneError (a parameter) and InputError (the mesh), each with a remedy.
         """
         checked = parameters_of(cls, parameters)
         return checked.with_material(checked.bake(mesh))
@@ -114,8 +114,8 @@ class RigidBody(Part):
         return BakedBody(samples.position, mass, clusters, links, length, stiffness, skin, spacing, report)
 
     def _bind(self, position: np.ndarray, mass: np.ndarray, pieces: int) -> Binding:
-        """Return what binds particles together: clusters, links (n, 2), their lengths (n,) [m] and their stiffness
-        [N/m]."""
+        """Return the links and clusters of particles: clusters, links (n, 2), their lengths (n,) [m] and their
+        stiffness [N/m]."""
         return one_cluster(position, mass), np.zeros((0, 2), np.int32), np.zeros(0), 0.0
 
     def with_material(self, body: BakedBody) -> BakedBody:

@@ -27,8 +27,9 @@ class CookedBody:
     """A tetrahedral body and the surface that it carries.
 
     `voxel` (n, 3), `colour` (n,), `starts` (voxels + 1,) int32: as of VoxelMesh; empty of a body that is not of voxels.
-    `hull_position` (points, 3) float64 [m] and `hull_triangles` (m, 3) int32: the closed surface; `embedding`: what carries
-    its points. `fractions` (n, 4): what of each tetrahedron is within the surface, for each of its corners (fractions.py).
+    `hull_position` (points, 3) float64 [m] and `hull_triangles` (m, 3) int32: the closed surface; `embedding`: the
+    embedding of its points. `fractions` (n, 4): the fraction of each tetrahedron within the surface, for each of its
+    corners (fractions.py).
     """
 
     mesh: TetrahedralMesh

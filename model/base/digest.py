@@ -1,7 +1,7 @@
-"""Digests: what was compiled or measured from other sources is compiled or measured anew.
+"""Digests: results of other sources are compiled or measured again.
 
-Machine code is keyed by what it is made of (`content_digest`): the bytecode of a function, the numbers in its closure, and
-the same of every function that it calls. A measurement names the text of its backend's sources (`source_digest`); when that
+Machine code is keyed by its content (`content_digest`): the bytecode of a function, the numbers in its closure, and the
+same of every function that it calls. A measurement names the text of its backend's sources (`source_digest`); when that
 changes, the keys of its kernels (bench/keys) decide if it is still valid.
 """
 

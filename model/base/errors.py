@@ -1,7 +1,7 @@
 """Errors with a reason and a remedy.
 
-Every error that a user can cause is one of these: one line with what is wrong and what to do. The command line prints
-it and exits with `exit_status`; nothing else is written. Messages are written with the options of the command line;
+Every error that a user can cause is one of these: one line with the fault and the remedy. The command line prints it
+and exits with `exit_status`; nothing else is written. Messages are written with the options of the command line;
 outside of it (`on_command_line`) they name the arguments of `open_simulation` instead.
 """
 
@@ -92,7 +92,7 @@ class SoftlabError(Exception):
 class SceneError(SoftlabError):
     """A field of a scene (or an option of a command) has an invalid value.
 
-    Attributes: `field` (dotted path), `value` (as passed), `allowed` (what would be accepted).
+    Attributes: `field` (dotted path), `value` (as passed), `allowed` (accepted values, or a remedy).
     """
 
     def __init__(self, field: str, value: object, allowed: str):
@@ -102,7 +102,7 @@ class SceneError(SoftlabError):
 
 
 class InputError(SoftlabError):
-    """A file, folder or store cannot be used; the message says why and what to do."""
+    """A file, folder or store cannot be used; the message gives the reason and the remedy."""
 
 
 class UnstableTimeStep(SceneError):

@@ -21,8 +21,9 @@ arithmetic is an `integer_formula`, whose products stay as they are.
 
 `for n in unrolled(3)` and `tuple(f(n) for n in unrolled(3))` are written out, so that n may be an index of a tuple.
 
-A kernel, and what it calls that reads or writes arrays, is a `routine`: it stands in its module and is compiled in the
-same variants, with its products as they are. `copied` is the copy of a kernel, which a backend compiles its own way.
+A kernel, or a function that it calls and that reads or writes arrays, is a `routine`: it stands in its module and is
+compiled in the same variants, with its products as they are. `copied` is the copy of a kernel, which a backend compiles
+its own way.
 """
 
 from __future__ import annotations
@@ -354,7 +355,7 @@ class Inlined(Filled):
 
 
 def filled(function: Any, names: dict[str, Any]) -> Any:
-    """Return a formula in which the open `names` are replaced, also in what it calls."""
+    """Return a formula in which the open `names` are replaced, also in the functions that it calls."""
     kind = Filled
     if isinstance(function, Filled):
         kind, function, names = type(function), function.function, {**names, **function.names}
@@ -362,7 +363,7 @@ def filled(function: Any, names: dict[str, Any]) -> Any:
 
 
 def inlined_throughout(function: Any) -> Any:
-    """Return a formula that is inlined with all that it calls: what is vectorised has no calls."""
+    """Return a formula that is inlined with all that it calls: vectorised code must not contain calls."""
     return Inlined(function, {})
 
 
@@ -384,7 +385,8 @@ def open_names(function: Any) -> frozenset[str]:
 
 
 def _filled_inside(value: Any, names: dict[str, Any]) -> Any:
-    """Return what a formula with `names` calls: `value`, with those of the names that are open in it or in these."""
+    """Return `value`, which a formula with `names` calls, with those of the names filled that are open in it or in
+    these."""
     inside: dict[str, Any] = {}
     left = [value]
     while left:
@@ -440,7 +442,7 @@ class Variant:
         return Variant(self.real, compiled, dict(self.features), self.product, self.instructions, self._ways)
 
     def of(self, module: ModuleType) -> Formulas:
-        """Return the formulas of a module, compiled when they are first asked for."""
+        """Return the formulas of a module, compiled on first use."""
         return Formulas(self, module)
 
     def copied(self, formula: Any) -> FunctionType:

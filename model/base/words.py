@@ -1,4 +1,4 @@
-"""Wording of a scene's errors: pydantic's complaints as a field, its value and what is allowed."""
+"""Wording of a scene's errors: errors of pydantic as a field, its value and the allowed values."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def _list_wanted(kind: type[Part], complaint: Any) -> str:
 def _count_error(part: str, complaints: list[Any], first: Any) -> SceneError:
     """Return the error for a list of too few or too many numbers, with the number it must have.
 
-    Each length that a field can have complains by itself, a short list once for each number that it lacks.
+    Each possible length of a field gives an error, and a short list one for each missing number.
     """
     counts: dict[tuple[int | str, ...], int] = {}
     for complaint in complaints:

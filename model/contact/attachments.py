@@ -1,6 +1,7 @@
 """Attachments of vertices of tetrahedral bodies and a cloth as constraints for both backends' executors.
 
-Attachments that are pinned, and follow what they are attached to, are in model/particles/tetrahedra_set.py.
+Attachments that are pinned, and follow the object that they are attached to, are in
+model/particles/tetrahedra_set.py.
 """
 
 from __future__ import annotations

@@ -92,7 +92,8 @@ class Simulation(Stepping):
         return {name: self.read(name) for name, field in self.fields.items() if field.rows == "one"}
 
     def faults(self) -> dict[str, int]:
-        """Return the counts since opening of what did not fit into lists of fixed length; {} without contacts."""
+        """Return the counts, since opening, of entries that did not fit into lists of fixed length; {} without
+        contacts."""
         return {name: self.read(name) for name, field in self.fields.items() if field.fault}
 
     @property
@@ -254,7 +255,7 @@ class Simulation(Stepping):
         raise SceneError("body", number, NO_BODIES)
 
     def read(self, name: str, into: Any = None) -> Any:
-        """Read an output, which is computed when it is asked for. Does not check for divergence.
+        """Read an output, which is computed on request. Does not check for divergence.
 
         Parameters
         ----------

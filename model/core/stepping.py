@@ -1,10 +1,10 @@
-"""Steps of a simulation, the search for the first bad one, and pins that let go: what is the same for every backend.
+"""Steps of a simulation, the search for the first bad one, and the release of pins: the part common to all backends.
 
 The state is checked at intervals (model/core/stability/divergence.py). A good one is copied to a snapshot on the
 device; from there the steps up to a bad one are repeated, to find the step and the particle where it began.
 
-At the step that reaches the time of a release the solver is opened again, in place, for the scene without those pins, and
-continues from the state. A release costs what opening costs, and is the same on every backend.
+At the step that reaches the time of a release the solver is opened again, in place, for the scene without those pins,
+and continues from the state. A release costs as much as opening, and is the same on every backend.
 """
 
 from __future__ import annotations

@@ -132,7 +132,7 @@ def touching(squared_distance, distance):
 def lacking(a, b, n, restitution, settling):
     """Speed [m/s] that is missing from the separation of two touching particles.
 
-    Restitution asks for the fraction `restitution` of the approach speed at the substep's start (a); b is the speed
+    Restitution requires the fraction `restitution` of the approach speed at the substep's start (a); b is the speed
     now. It is 0 where the approach speed is at most `settling`, and where they separate fast enough.
     """
     came = -((a[0] * n[0] + a[1] * n[1]) + a[2] * n[2])

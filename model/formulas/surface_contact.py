@@ -102,7 +102,7 @@ def apart(p, q, w):
 
 @formula
 def checked(n, r, u, v, p, q, w, depth, distance):
-    """Return the check that limits `depth` > 0 [m], by a contact's plane, to what the vertex lacks of the `distance`.
+    """Return the check that limits `depth` > 0 [m], by a contact's plane, to the distance that the vertex lacks.
 
     n and the triangle's point are fixed for the substep, and the plane has no end: it reports a depth beside the
     triangle, too, where the two are apart. r: from that point to the vertex at the substep's start; u, v: the

@@ -52,7 +52,7 @@ class TriangleMesh:
 
 
 def mesh_bytes(mesh: TriangleMesh | tuple[np.ndarray, np.ndarray]) -> bytes:
-    """Return bytes that identify a mesh, or its position and triangles, for keys of what is built from it."""
+    """Return bytes that identify a mesh, or its position and triangles, for the keys of objects built from it."""
     position, triangles = mesh if isinstance(mesh, tuple) else (mesh.position, mesh.triangles)
     position, triangles = np.asarray(position, dtype=np.float64), np.asarray(triangles, dtype=np.int64)
     repairs = [] if isinstance(mesh, tuple) else mesh.repairs
@@ -79,8 +79,8 @@ def triangle_mesh(
 ) -> TriangleMesh:
     """Return the mesh of `position` (vertices, 3) [m] and `triangles` (n, 3), indices into it, mended; `repairs` made before.
 
-    `inside`: only what the mesh encloses is wanted. Where edges have more than two triangles it becomes the sheets that bound
-    a volume (model/geometry/mending/hull.py) instead of being refused.
+    `inside`: only the enclosed volume is needed. Where edges have more than two triangles it becomes the sheets that
+    bound a volume (model/geometry/mending/hull.py) instead of being refused.
 
     Raises InputError: a coordinate that is not finite or over LARGEST, an index out of range, no triangle with an area,
     non-manifold edges (NonManifold), a surface that cannot have an outer side.

@@ -21,9 +21,9 @@ INSTALL = 'pip install -e ".[meshing]"'
 
 
 def united(position: np.ndarray, triangles: np.ndarray) -> TriangleMesh:
-    """Return the closed mesh whose inside is what any piece encloses; a piece that is inside out is turned over first.
-    `position` (vertices, 3) [m], `triangles` (n, 3): pieces have no vertex in common, but may have them at the same
-    places.
+    """Return the closed mesh whose inside is the union of the pieces' insides; a piece that is inside out is turned
+    over first. `position` (vertices, 3) [m], `triangles` (n, 3): pieces have no vertex in common, but may have them at
+    the same places.
 
     Raises BackendUnavailable (manifold3d is not installed) and InputError (a piece that is open, or that
     `triangle_mesh` refuses).

@@ -25,9 +25,9 @@ EMPTY = 2.0**-20  # volume over that of the box around the mesh: what float32 co
 
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """A closed mesh, outer sides outwards: `position` (vertices, 3) float64 [m], `triangles` (n, 3) int32; `volume` [m^3],
-    what overlaps counted as often as it does; `area` [m^2]; `pieces` that are no cavities; `notes`: a sentence for each
-    thing that was made good."""
+    """A closed mesh, outer sides outwards: `position` (vertices, 3) float64 [m], `triangles` (n, 3) int32; `volume`
+    [m^3], overlaps counted repeatedly; `area` [m^2]; `pieces` that are no cavities; `notes`: a sentence for each thing
+    that was made good."""
 
     position: np.ndarray
     triangles: np.ndarray

@@ -84,7 +84,7 @@ def extruded(flat: Field, depth: float, edge: float) -> Field:
 
 
 def union(fields: Sequence[Field]) -> Field:
-    """Return the field of the union."""
+    """Return the distance field of the union of the strokes."""
 
     def field(points: np.ndarray) -> np.ndarray:
         return np.min([one(points) for one in fields], axis=0)

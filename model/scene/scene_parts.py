@@ -343,8 +343,8 @@ class SceneParts:
     wind: Wind | None = _part("wind")
 
     def as_dict(self, derived: bool = False) -> dict[str, Any]:
-        """Return the scene as nested tables, defaults filled in, as in a TOML file. `derived`: include what follows
-        from other parts (`derive`)."""
+        """Return the scene as nested tables, defaults filled in, as in a TOML file. `derived`: include derived fields
+        (`derive`)."""
         tables: dict[str, Any] = {"title": self.title}
         for part_name, part in self.parts.items():
             kind = self.kinds[part_name]
@@ -356,6 +356,7 @@ class SceneParts:
         return tables
 
     def canonical(self) -> str:
-        """Return canonical JSON of what is simulated (no title, no camera): equal texts mean equal scenes."""
+        """Return canonical JSON of the simulated part of the scene (no title, no camera): equal texts mean equal
+        scenes."""
         tables = {key: table for key, table in self.as_dict(derived=True).items() if key not in ("title", CAMERA)}
         return json.dumps(tables, sort_keys=True, separators=(",", ":"))

@@ -16,8 +16,8 @@ def damping_load(scene: Scene) -> np.ndarray:
 
     A damper of the time tau is tau/h times as stiff as its element, whose own stiffness over the masses is E h^2 / (rho
     e^2) (M. Macklin et al., "XPBD", MIG 2016, eq. 26: gamma = tau/h). Sweeps visit elements one after the other: a
-    damper undoes what earlier visits moved, and the difference is a force that acts at rest, too. It grows and vanishes
-    with this number.
+    damper undoes the motion of earlier projections, and the difference is a force that acts at rest, too. It grows and
+    vanishes with this number.
     """
     body_set, method = scene.tetrahedra_set, scene.method
     h = method.dt / method.substeps

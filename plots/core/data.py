@@ -1,8 +1,8 @@
 """Data of the figures and the lab book: a user's own measurements and the committed ones, machine by machine.
 
-A `Source` (made by plots/core/read.py) has what one machine measured in the sweep and the accuracy runs. The `featured`
-sources of a figure are the user's own, or the committed ones if there are no others. Committed sources next to own ones
-are `background`: drawn lightly, and labelled.
+A `Source` (made by plots/core/read.py) has the results of one machine in the sweep and the accuracy runs. The
+`featured` sources of a figure are the user's own, or the committed ones if there are no others. Committed sources next
+to own ones are `background`: drawn lightly, and labelled.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ class Source:
 
     @property
     def label(self) -> str:
-        """`committed` if these measurements are not those of a user who measured too; else empty."""
+        """`committed` if these are committed measurements beside the user's own; else empty."""
         return "" if self.by_user or self.alone else "committed"
 
     @property

@@ -46,7 +46,7 @@ def admitted(scene: Scene) -> str:
 
 
 def changes(name: str, iterations: int = 1, substeps: int = 1) -> dict[str, Any]:
-    """Return the fields of a scene, by dotted path, that select this method, whatever solver the scene itself names."""
+    """Return the fields of a scene, by dotted path, that select this method, whatever solver the scene names."""
     if not position_based(name):
         return {"method.solver": "mass-spring", "method.integrator": name}
     solver, ordering = name.split()
@@ -60,7 +60,7 @@ def efforts(method: Mapping[str, Any]) -> tuple[int | None, int | None]:
 
 
 def why_unknown(scene: Scene) -> str | None:
-    """Return the reason why the scene's motion has no converged reference and what to do; None if it has one.
+    """Return the reason why the scene's motion has no converged reference, with a remedy; None if it has one.
 
     A reference exists if Newton's law determines the motion and bench/reference/ supports all parts of the scene. Every
     command that reports an error depends on this function. Constraints must be springs: an inextensible constraint has

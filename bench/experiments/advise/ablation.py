@@ -32,7 +32,7 @@ class Ablation:
     """One change of a scene.
 
     `name`: of the run, e.g. `without gravity`; `why`: the reason why it may be cheaper; `kind`: `PART` ... `FINER`;
-    `spares`: what the run does without, e.g. `gravity`; `drop`: the name of a part, or empty; `changes`: of other
+    `spares`: the part that is left out, e.g. `gravity`; `drop`: the name of a part, or empty; `changes`: of other
     fields, by dotted path.
     """
 

@@ -115,7 +115,7 @@ class Ablated:
         return NEEDED if row.change > self.floor else NOT_NEEDED
 
     def printed_verdict(self, row: AblationRow) -> str:
-        """Return the verdict on what the row is named after: the part left out, or the cheaper replacement."""
+        """Return the verdict on the row's subject: the part left out, or the cheaper replacement."""
         words = {PART: {}, FINER: FINER_STEP}.get(row.kind, REPLACED)
         verdict = self.verdict(row)
         return words.get(verdict, verdict)

@@ -193,7 +193,7 @@ def limited(
 ) -> np.ndarray:
     """Return the remaining part of the planes' depth `deep` with the triangles at `now`: (n,) [m].
 
-    It is at most what the vertex lacks of the distance from its triangle, unless the vertex began inside (`r`, at the
+    It is at most the missing distance of the vertex from its triangle, unless the vertex began inside (`r`, at the
     beginning of the substep, against the normal), or came through one of the triangles around. Beside a triangle whose
     own normal is the contact's, the distance is that from the nearest one around.
     """

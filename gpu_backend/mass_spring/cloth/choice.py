@@ -115,7 +115,7 @@ def default_cloth_kernel(
 
 
 def cloth_kernel(scene: Scene, real: Any, parts: frozenset[str], asked: str | None) -> str:
-    """Return the kernel asked for, without its tile, or the default. Raises SceneError for one that cannot run the
+    """Return the requested kernel, without its tile, or the default. Raises SceneError for one that cannot run the
     scene."""
     if asked is None:
         return default_cloth_kernel(scene, real, parts)[0] if can_capture() else "launch"
@@ -135,7 +135,7 @@ def cloth_kernel(scene: Scene, real: Any, parts: frozenset[str], asked: str | No
 
 
 def cloth_tile(scene: Scene, real: Any, parts: frozenset[str], kernel: str, asked: str | None) -> Tile | None:
-    """Return the tile of the kernel `resident`: the one asked for, as in `resident:8x8x1h1`, or the table's. Raises
+    """Return the tile of the kernel `resident`: the requested one, as in `resident:8x8x1h1`, or the table's. Raises
     SceneError."""
     if kernel != "resident":
         return None

@@ -145,7 +145,7 @@ def middle_mass(k, ax, ay, p, v, parameters, integers, step):
 
 @cache
 def open_functions(real: Real, math: str, integrator: str, parts: frozenset[str]) -> dict[str, Any]:
-    """Return what the open names of this file stand for in a scene."""
+    """Return the functions for the open names of this file in a scene."""
     return {"one_force": step_formula(integrator), "particle_force": make_particle_force(real, math, 2, parts)}
 
 

@@ -1,8 +1,8 @@
 """Partition of a sheet by rows: pure arithmetic, for every exchange.
 
 A domain owns neighbouring rows. Its window contains these and a halo, rows that its neighbours own. A step reads a
-limited number of rows, so that a window stepped by itself becomes wrong from its cut edges inwards, by that many rows
-per step; the owned rows stay right, bit for bit, until the halo is used up. Then the windows exchange: each sends its
+limited number of rows, so that a window stepped alone becomes wrong from its cut edges inwards, by that many rows per
+step; the owned rows stay right, bit for bit, until the halo is used up. Then the windows exchange: each sends its
 border rows, which are the neighbours' halos. A deeper halo needs fewer messages and computes more rows twice (J.
 Demmel, M. Hoemmen, M. Mohiyuddin, K. Yelick, "Avoiding communication in sparse matrix computations", 2008). Any kernel
 that steps a sheet steps a window.

@@ -23,7 +23,7 @@ LEAST_PIVOT = OfPrecision(lambda real: LOST * float(np.finfo(real).eps))
 
 @formula
 def scale_of(squares, count):
-    """s, from the sum of squares of d."""
+    """Scale s, from the sum of squares of d."""
     return sqrt(count / squares) if squares > 0.0 else 0.0
 
 

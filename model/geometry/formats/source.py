@@ -71,7 +71,7 @@ def plain(data: bytes) -> bytes:
 
 
 def without_comments(text: bytes) -> bytes:
-    """Return text without what follows a # in each line; the number of lines stays."""
+    """Return text without comments, from a # to the end of the line; the number of lines stays."""
     return re.sub(rb"#[^\n]*", b"", text) if b"#" in text else text
 
 

@@ -25,7 +25,7 @@ def add_note(notes: list[str], count: int, one: str, several: str) -> None:
 
 
 def welded(position: np.ndarray, triangles: np.ndarray, notes: list[str]) -> tuple[np.ndarray, np.ndarray]:
-    """Merge vertices, and leave out triangles without an area and copies; append what was done to `notes`.
+    """Merge vertices, and leave out triangles without an area and copies; append the repairs to `notes`.
 
     Vertices at exactly one place are merged; where that gives edges of more than two triangles, only those on rims, so that a
     piece which is closed as it is numbered stays as it is. Then vertices on rims that are nearer than NEAR to each other are

@@ -1,4 +1,4 @@
-"""A closed surface round what a function of space says is inside.
+"""A closed surface around the inside that a function of space defines.
 
 One vertex in each cell of a lattice that the surface passes, one quadrilateral for each edge of the lattice that it crosses:
 S. F. F. Gibson, "Constrained Elastic Surface Nets", MICCAI 1998. Where two parts touch by an edge or a corner of the lattice

@@ -1,9 +1,9 @@
 """Volume fractions: the part of each voxel's tetrahedra that lies within the surface.
 
 The integrals of the four linear shape functions of a tetrahedron over the part of it that is inside. Their sum is the
-volume that scales its stiffness (the energy of a constant strain, integrated over what is there: the finite cell method, J.
-Parvizian, A. Duester, E. Rank, Computational Mechanics 41 (2007)); times the density they are its lumped masses, whose sum
-and centre of mass are those of the part inside.
+volume that scales its stiffness (the energy of a constant strain, integrated over the part inside: the finite cell
+method, J. Parvizian, A. Duester, E. Rank, Computational Mechanics 41 (2007)); times the density they are its lumped
+masses, whose sum and centre of mass are those of the part inside.
 
 Sampled along the PROBES x PROBES lines of each axis that find the pieces (pieces.py), in closed form along a line, over the
 same sum for the whole tetrahedron: exact where nothing is cut. Of the three axes those count that the surface crosses most.

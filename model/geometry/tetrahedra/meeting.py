@@ -64,9 +64,9 @@ def across_edges(place: np.ndarray, edges: MeshEdges, cells: Cells, pairs: Pairs
 def over_edges(
     place: np.ndarray, triangles: np.ndarray, edges: MeshEdges, cells: Cells, pairs: Pairs, axis: int
 ) -> np.ndarray:
-    """Return (n, 2): what hangs together across a side between voxels one behind the other along `axis`, by an edge on
-    that side: the pairs of the edge's two triangles; or, where one of these lies on the side and has the voxel behind
-    on its inner side, the other's pair and pairs + that voxel. The lower voxel's first."""
+    """Return (n, 2): the connections across a side between consecutive voxels along `axis`, by an edge on that side:
+    the pairs of the edge's two triangles; or, where one of these lies on the side and has the voxel behind on its inner
+    side, the other's pair and pairs + that voxel. The lower voxel's first."""
     triangle, voxel = pairs
     count = len(triangle)
     side = edges.sides[triangle].astype(np.int64).ravel()

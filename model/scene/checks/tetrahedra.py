@@ -1,5 +1,5 @@
-"""Checks of the parts together with tetrahedral bodies, and of their contacts. Each raises SceneError, with what would
-be accepted."""
+"""Checks of the parts together with tetrahedral bodies, and of their contacts. Each raises SceneError with the accepted
+values."""
 
 from __future__ import annotations
 
