@@ -191,7 +191,7 @@ def _measure(folder: Folder, order: Order, life: Life) -> None:
     """Run the experiment with the groups of this worker, and report the results in the status."""
     if code_digests() != order.version:
         raise BackendUnavailable(
-            f"host {life.status.host} has other sources of the lab than the sweep",
+            f"host {life.status.host} has another version of softlab than the sweep",
             "install the same version on every host",
         )
     backends = _backends(order)

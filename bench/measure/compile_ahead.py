@@ -60,7 +60,7 @@ class _Nothing(Alone):
 def gathering(progress: bool) -> Iterator[None]:
     """Let experiments inside this context measure nothing; at its end one pool of processes makes what they lack.
 
-    A pool for each experiment would import numba and CUDA anew in every process, and wait for its slowest kernel.
+    A pool for each experiment would import numba and CUDA again in every process, and wait for its slowest kernel.
     """
     _gathered.append([])
     try:

@@ -1,6 +1,6 @@
 """Position-based fluids on CUDA: a substep is a dozen launches, all in the order of cells.
 
-The method, and every order of summation, is in model/fluid/plan.py. Particles are sorted anew in every substep;
+The method, and every order of summation, is in model/fluid/plan.py. Particles are sorted again in every substep;
 `particle` is the number of each, and results are read in the scene's order. Kernels: `launch`; `graph`, the same
 captured as a CUDA graph; `stages`, stage by stage. In `exact` math all give the same bits as the CPU.
 """

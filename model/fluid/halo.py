@@ -8,7 +8,7 @@ from softlab.model.fluid.plan import SHAPES, SMOOTHING, fluid_parts
 from softlab.model.scene.scene import Scene
 from softlab.model.tables.fluid import WIDER
 
-APART = "is not shared among processes or GPUs yet"
+APART = "is not supported on several GPUs or processes"
 
 
 def fluid_supports(scene: Scene) -> int:
@@ -29,7 +29,7 @@ def fluid_halo(scene: Scene) -> float:
     substep. Raises SceneError for parts that are not supported.
     """
     for kind, name in [("emitter", name) for name in scene.emitters] + [("sink", name) for name in scene.sinks]:
-        raise SceneError(f"{name}.kind", kind, f"{APART}: run it as one")
+        raise SceneError(f"{name}.kind", kind, f"{APART}; run the scene on one")
     if scene.foam is not None:
         raise SceneError(f"{scene.name_of('foam')}.kind", "foam", f"{APART}: leave it out")
     if scene.method.scheme == "divergence-free":

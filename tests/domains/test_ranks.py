@@ -163,14 +163,14 @@ def test_a_cloth_has_the_bits_of_one(name, integrator, halo):
 @pytest.mark.parametrize(
     "name, changes, said",
     [
-        ("cloth-mesh", {}, "a position-based mesh is not shared"),
+        ("cloth-mesh", {}, "a position-based mesh is not supported"),
         ("cloth-flamenco", {}, "pins anywhere"),
         ("cloth-self", {}, "anywhere in the whole cloth collide"),
         ("jelly-block", {}, "1 body is never cut; use 1"),
         ("dam-break", {}, "thinner than their halo"),
         ("fem-cantilever", {"method.iterations": 20}, "use at most 1"),
         ("cloth-twist", {}, "moves pins"),
-        ("cloth-hanging", {"external.magnitude": 0.1}, "not shared"),
+        ("cloth-hanging", {"external.magnitude": 0.1}, "run the scene on one"),
         ("cloth-hanging", {"method.integrator": "implicit-euler"}, "at once"),
     ],
 )

@@ -117,5 +117,5 @@ def ablations(scene: Scene) -> list[Ablation]:
 
 
 def random_force(scene: Scene) -> bool:
-    """True if the scene has a random force, which is drawn anew every step."""
+    """True if the scene has a random force, with new random values in every step."""
     return scene.external is not None and scene.external.magnitude > 0

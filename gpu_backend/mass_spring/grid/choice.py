@@ -1,7 +1,7 @@
 """Choice of the kernel that runs a grid, and of its tiles, from a small measured table, not by a search at run time.
 
 The numbers are us per step of the lab grid on one NVIDIA H200, medians, springs, gravity, damping and two pins
-(`softlab sweep --kernels --backend gpu` measures the kernels anew, `--kernel resident:64x12x4h4` any single tile). A
+(`softlab sweep --kernels --backend gpu` measures the kernels again, `--kernel resident:64x12x4h4` any single tile). A
 choice depends only on their ratios, so it suits other GPUs well enough.
 """
 

@@ -39,7 +39,8 @@ def require_apart(scene: Any) -> None:
     """Raise SceneError if the scene's contacts let bodies collide."""
     if scene.contact is not None:
         reason = (
-            "lets bodies collide, which is not shared: leave it out, and they pass through each other, or run it as one"
+            "lets bodies collide, which is not supported on several GPUs or processes; leave it out (bodies then pass "
+            "through each other), or run the scene on one"
         )
         raise SceneError(f"{scene.name_of('contact')}.kind", "contact", reason)
 

@@ -214,4 +214,4 @@ def require_local(scene: Scene) -> None:
     idle = scene.external is not None and scene.external.magnitude == 0
     for kind, what in WHOLE_CLOTH.items():
         if scene.all_of(kind) and not (kind == "external" and idle):
-            raise SceneError(scene.name_of(kind), None, f"{what}: run it as one, not shared")
+            raise SceneError(scene.name_of(kind), None, f"{what}; run the scene on one GPU or process")
