@@ -1,7 +1,7 @@
-"""`--threads auto`: as many threads as cores, or one, whichever takes a step sooner on the machine as it is now.
+"""`--threads auto`: one thread per core or one thread, whichever takes less time per step on this machine now.
 
-Threads that wait for one another lose where other programs use the cores, and small scenes gain nothing by them. So both
-are opened, sampled in turn, and the one that is not taken is closed.
+Threads that wait for each other lose where other programs use the cores, and small scenes gain nothing from them. Both
+variants are opened and sampled in turn, and the slower one is closed.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ ROUNDS = 3
 
 def decide(seconds: Mapping[int, float]) -> tuple[int, str]:
     """Return (threads, reason) from the seconds per step by thread count: the fewest threads within GAIN of the
-    quickest."""
+    fastest."""
     quickest = min(seconds.values())
     chosen = min(count for count, taken in seconds.items() if taken <= GAIN * quickest)
     timings = ", ".join(f"{1e3 * taken:.3g} ms a step on {count}" for count, taken in sorted(seconds.items()))
@@ -52,7 +52,7 @@ def open_quickest(
     most: int,
     measure: Callable[[Sequence[Simulation]], list[float]] = step_seconds,
 ) -> Simulation:
-    """Return the simulation on `most` threads or on one, reset; `threads_reason` says why."""
+    """Return the simulation on `most` threads or on one, whichever is faster, reset; `threads_reason` says why."""
     if most == 1:
         only = open_with(1)
         only.threads_reason = f"{AUTO}: one core"

@@ -93,7 +93,7 @@ def open_simulation(
     scene = scene.whole
     options = Options(precision, math, kernel, frozenset(live))
     if "targets" in options.live and scene.phases:
-        reason = f"moves pins, which {scene.name_of(RELEASE)} lets go; leave one of them out"
+        reason = f"moves pins, which {scene.name_of(RELEASE)} releases; leave one of them out"
         raise SceneError("live", "targets", reason)
     refused = refusal(scene)
     if refused is not None and not allow_unstable:
@@ -119,7 +119,7 @@ def open_simulation(
 
 
 def _open(scene: Scene, backend: str, options: Options, threads: str | int) -> Simulation:
-    """Return the scene's simulation on the backend. The other backend is not imported."""
+    """Return the scene's simulation on the backend. Does not import the other backend."""
     family = family_of(scene)
     if backend not in family.solvers:
         raise SceneError(

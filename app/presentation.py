@@ -1,4 +1,4 @@
-"""Pictures, exports and descriptions of the scenes of a family: one entry each, which the family names (`SolverFamily`)."""
+"""Pictures, exports and descriptions of scenes: one `Presentation` for each family (`SolverFamily.presentation`)."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from softlab.model.tables.tetrahedra import TetrahedralBody
 
 
 def largest_strain(scene: Scene, position: np.ndarray, arrays: Arrays) -> float | None:
-    """Return the size of the largest strain; 0 where there is none."""
+    """Return the largest absolute strain; 0 if there is none."""
     strain = spring_strain(scene, position, arrays=arrays)
     return float(np.abs(strain).max()) if len(strain) else 0.0
 
@@ -31,7 +31,7 @@ def number_of_particles(scene: Scene) -> str:
 
 
 def worst_strain(scene: Scene, position: np.ndarray, strain: np.ndarray) -> float:
-    """Return the strain of largest size; 0 where there is none."""
+    """Return the strain of largest absolute value; 0 if there is none."""
     return float(strain[np.argmax(np.abs(strain))]) if len(strain) else 0.0
 
 
@@ -42,21 +42,21 @@ class Presentation:
     - `view(scene, detail, quick, first_colour)`: a view in the current OpenGL context (app/render/views.py).
     - `view_options()`: the words that `--look` takes.
     - `lines(scene)`: [(ends (n, 2), rest length [m])], what is drawn as lines.
-    - `strain(scene, position)`: (n,) float64, the strain of those lines, or of what replaces them.
+    - `strain(scene, position)`: (n,) float64, the strain of those lines, or its substitute.
     - `pieces(scene, position, matrices, inverse_mass)`: the moving parts for a file (app/output/pieces.py).
     - `amounts(scene, counts)`: the numbers of particles, springs and so on, in words; `brief`: the same in a window.
-    - `counts(scene)`: the counts besides particles, by name; `size`: what the catalogue says of them.
-    - `report(simulation, state)`: what the report of a run says besides; `max_strain(scene, position, arrays)`: the size of
-      the largest strain, None if it has none; `arrays`: those of the state.
+    - `counts(scene)`: the counts besides particles, by name; `size`: the size as the catalogue prints it.
+    - `report(simulation, state)`: additional entries of a run's report; `max_strain(scene, position, arrays)`: the
+      absolute value of the largest strain, None if it has none; `arrays`: those of the state.
     - `drawn(scene)`: the outputs besides positions that a clip draws, of `normal` and `velocity`.
     - `legend(scene)`: the title of the colours of its strains, None without.
-    - `framed(scene, points, bounds, time)`: further points [m] that a picture in space is to hold at `time` [s], beside those
-      of particles (n, 3) with these lowest and highest coordinates (6,).
+    - `framed(scene, points, bounds, time)`: further points [m] that a picture in space must show at `time` [s], besides
+      particles (n, 3) within `bounds` (6,), the lowest and highest coordinates.
     - `materials(scene)`: the bodies whose material the window's keys change, by name.
-    - `worst(scene, position, strain)`, `worst_text(worst, fastest)`: the number that the window shows of the state, and in
-      words; `quantity`: what it is called; `fastest`: True if the largest speed is shown with it.
-    - `steps_per_frame`: in a window at first; None: those that come nearest to a frame's time.
-    - `particle`: what a particle is called; `particle_name(scene, particle)`: which one it is.
+    - `worst(scene, position, strain)`, `worst_text(worst, fastest)`: the number that the window shows for the state,
+      and its text; `quantity`: its name; `fastest`: True if the largest speed is shown with it.
+    - `steps_per_frame`: initial steps per frame of the window; None: as many as come nearest to a frame's duration.
+    - `particle`: the word for a particle; `particle_name(scene, particle)`: the name of one.
     - `grips`: True if the mouse pulls a whole body instead of a particle.
     - `levels`: True if a legend of levels may be needed.
     """

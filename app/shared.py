@@ -1,4 +1,4 @@
-"""Scenes that several GPUs or processes share: options, opening, and the entries of a run's report."""
+"""Scenes on several GPUs or processes: options, opening, and the entries of a run's report."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ FLUID = "softlab.gpu_backend.domains.fluid:GpuFluid"
 NO_LINK = {  # of those that are shared in one way alone
     BODIES: "bodies send nothing",
     PARTITIONS: "partitions of a mesh are read from the neighbours' memory",
-    FLUID: "what a fluid sends goes through the host",
+    FLUID: "a fluid is exchanged through the host",
 }
 
 
@@ -54,7 +54,7 @@ def check_sharing(backend: str, gpus: int, ranks: int, link: str | None) -> None
 
 
 def check_asked(backend: str, gpus: int, ranks: int, exchange_every: int | None, link: str | None) -> None:
-    """Do what check_sharing does, and refuse options that need several GPUs or processes if there is only one."""
+    """Call check_sharing, and refuse options that need several GPUs or processes if there is only one."""
     check_sharing(backend, gpus, ranks, link)
     alone = gpus == 1 and ranks == 1 and launched_ranks() == 1
     for option, value in (("--link", link), ("--exchange-every", exchange_every)):
@@ -66,7 +66,7 @@ def check_asked(backend: str, gpus: int, ranks: int, exchange_every: int | None,
 
 def _refuse_releases(scene: Scene) -> None:
     if scene.phases:
-        reason = "lets pins go, which is not supported on several GPUs or processes; run the scene on one"
+        reason = "releases pins, which is not supported on several GPUs or processes; run the scene on one"
         raise SceneError(f"{scene.name_of(RELEASE)}.kind", RELEASE, reason)
 
 
@@ -169,7 +169,7 @@ def sharing_report(simulation: Simulation) -> dict[str, object]:
 
 
 def check_shared(processes: int, render: Path | None, export: str | None) -> None:
-    """Raise SceneError for what a run of several processes does not write: what goes on stepping while it is drawn."""
+    """Raise SceneError for output that a run of several processes does not write: clips, which step while drawing."""
     if processes == 1:
         return
     if render and render.suffix.lower() == ".mp4":

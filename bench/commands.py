@@ -1,4 +1,4 @@
-"""The commands that measure, into the store, one function a sub-command; softlab/cli.py takes them among its own."""
+"""The commands that measure, into the store, one function per sub-command; softlab/cli.py adds them to its own."""
 
 from __future__ import annotations
 

@@ -93,7 +93,7 @@ def measure(
 
 
 def where_asked(cluster: str | None, workers: int | None, sbatch: list[str] | None) -> object:
-    """Return the place to measure an experiment; None: this process. Raises SceneError."""
+    """Return the cluster to measure an experiment on; None: this process. Raises SceneError."""
     if cluster is None:
         for name, value in (("--workers", workers), ("--sbatch", sbatch)):
             if value is not None:

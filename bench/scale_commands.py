@@ -1,4 +1,4 @@
-"""`softlab scale`: what many GPUs would do, by the model of bench/experiments/scaling/model.py."""
+"""`softlab scale`: predictions for many GPUs, by the model of bench/experiments/scaling/model.py."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`softlab sweep`, into the store; softlab/cli.py takes it among its own."""
+"""`softlab sweep`, into the store; softlab/cli.py adds it to its commands."""
 
 from __future__ import annotations
 

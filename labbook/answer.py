@@ -95,7 +95,7 @@ def _runs(sources: Sequence[Source], label: str) -> list[Run]:
 
 
 def _winners(label: str, runs: Sequence[Run]) -> list[SceneWinner]:
-    """Return the answers of a scene; neighbouring errors with one winner are one answer."""
+    """Return the answers of a scene; neighbouring errors with the same winner are one answer."""
     winners: list[SceneWinner] = []
     for target in TARGETS:
         best, ties = winner(runs, target)

@@ -194,7 +194,7 @@ def _tables(make_tables: Callable[[Results], list[Table]], results: Results) -> 
 
 
 def notices(results: Results) -> list[str]:
-    """Return what a reader must know first: whose measurements these are, and whether there are some of a GPU."""
+    """Return the notices on the first page: whose measurements these are, and whether there are some of a GPU."""
     lines = []
     local_sources = [source for source in results.sources if source.by_user]
     gpu = results.with_gpu()

@@ -39,7 +39,7 @@ def constant(module: str, name: str) -> Any:
 
 
 def facts() -> dict[str, str]:
-    """Return name in the text -> the number as it is printed."""
+    """Return name in the text -> printed number."""
     passes = constant("gpu_backend/core/launch.py", "CHUNKS")
     scene = load_scene("lab-grid")
     plan = mass_spring_plan(scene)

@@ -98,8 +98,8 @@ def make_film(console: Console, store: Path, path: Path, *, quick: bool, voice: 
 def whole_lab(console: Console, *, quick: bool, store_path: Path, command: str) -> None:
     """Run the whole lab and print a table of the files.
 
-    The parts are doctor, kernels and references, sweep, accuracy, stability, hard cases (unless quick), figures, lab book.
-    What the machine lacks is skipped with its reason. Raises InputError (the store, the folders).
+    The parts are doctor, kernels and references, sweep, accuracy, stability, hard cases (unless quick), figures, lab
+    book. Parts that the machine cannot run are skipped with the reason. Raises InputError (the store, the folders).
     """
     from softlab.app.command.doctor import examine
     from softlab.app.command.tables import print_findings

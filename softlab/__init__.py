@@ -1,7 +1,7 @@
 """The soft-body lab: the same scenes on CPU threads and on CUDA, how fast and how wrong each run was.
 
-What `__all__` names is the public interface, imported when it is first used; all else may change. `python -m softlab` is the
-command line (softlab/cli.py).
+The names in `__all__` are the public interface and are imported on first use; all else may change. `python -m softlab`
+is the command line (softlab/cli.py).
 """
 
 from __future__ import annotations

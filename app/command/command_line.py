@@ -78,7 +78,7 @@ def note_missing_store(store: Path, whose: str) -> None:
 
 
 class _Left(Exception):
-    """The exception that ended a command, on its way through typer."""
+    """An exception that ended a command; typer passes it on unchanged."""
 
 
 RENAMED = {"crowds": "throughput"}  # former names of commands
@@ -166,7 +166,7 @@ def usage_line(error: Any) -> str:
 
 
 def _wrong_option(error: object) -> tuple[str, str] | None:
-    """Return the option that a complaint is about and its value, if it is on the command line."""
+    """Return the option that an error message is about and its value, if it is on the command line."""
     for name in getattr(getattr(error, "param", None), "opts", ()):
         for place, word in enumerate(sys.argv):
             if word == name and place + 1 < len(sys.argv):
@@ -177,7 +177,7 @@ def _wrong_option(error: object) -> tuple[str, str] | None:
 
 
 def usage_status(error: Any) -> int:
-    """Print a complaint about the command line, and return its exit status; without words, the help was printed."""
+    """Print an error message about the command line and return the exit status; without words, the help was printed."""
     status = int(error.exit_code)
     return report_error(usage_line(error), status) if error.format_message() else status
 

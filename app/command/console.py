@@ -17,9 +17,9 @@ SHORT = 24  # characters: shorter cells are names or numbers and stay in one lin
 class Output(Console):
     """A console that cuts no cell of a table, and folds nothing if its output is no terminal.
 
-    There a sentence is a line and a table as wide as it needs, without trailing blanks. In a terminal that is narrower
-    than a table, heads and sentences in cells are folded; if that is not enough, the columns are printed in blocks,
-    each next to the names of its rows.
+    Such an output gets one line per sentence and tables of full width, without trailing blanks. In a terminal that is
+    narrower than a table, heads and sentences in cells are folded; if that is not enough, the columns are printed in
+    blocks, each next to the names of its rows.
     """
 
     def print(self, *objects: Any, **how: Any) -> None:
@@ -63,8 +63,7 @@ class Output(Console):
         return [_part(table, self._widened(table, least, natural, block, max_width), block) for block in blocks]
 
     def _span(self, column: Column) -> tuple[int, int]:
-        """Return the least and the most characters that a column can use: without a cell cut, and without anything
-        folded."""
+        """Return the minimum and maximum width of a column [characters]: with no cell cut, and with nothing folded."""
         options = self.options.update(width=UNBOUNDED)
         head = Measurement.get(self, options, column.header)
         cells = [Measurement.get(self, options, cell) for cell in column.cells]
@@ -80,7 +79,7 @@ class Output(Console):
     def _widened(
         self, table: Table, least: Sequence[int], natural: Sequence[int], columns: Sequence[int], max_width: int
     ) -> list[int]:
-        """Return the least widths, plus the remaining characters, divided among the columns that can use them."""
+        """Return the minimum widths plus the remaining characters, divided among the columns that can use them."""
         widths = list(least)
         spare = max_width - self._width_of(table, widths, columns)
         while spare > 0 and (tight := [index for index in columns if widths[index] < natural[index]]):
@@ -97,7 +96,7 @@ def _names(columns: Sequence[Column]) -> list[int]:
 
 
 def _part(table: Table, widths: Sequence[int], columns: Sequence[int]) -> Table:
-    """Return a table of these columns only, with these widths and without the title."""
+    """Return a table with these columns and widths only, without the title."""
     part = copy.copy(table)
     part.title = None
     part.columns = []

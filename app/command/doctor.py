@@ -12,7 +12,7 @@ from softlab.app.command.findings import Finding
 
 
 def _missing(name: str, text: str) -> Finding:
-    """Return a finding from a text: the missing thing and, after a semicolon, the remedy."""
+    """Return a finding from a text that names the missing thing and, after a semicolon, the remedy."""
     missing, _, remedy = text.partition("; ")
     return Finding(name, False, missing, remedy)
 

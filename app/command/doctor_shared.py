@@ -1,4 +1,4 @@
-"""The doctor's findings on grids on several GPUs or processes: requirements of each kind of communication."""
+"""Findings of `softlab doctor` about several GPUs or processes: requirements of each kind of communication."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ def gpus_together() -> Finding:
     """Return how GPUs are linked, for `--gpus N`."""
     from softlab.gpu_backend.core.device import gpu_available, simulated
 
-    name, hint = "several gpus", "SOFTLAB_SHARE_GPU=1 lets windows take turns on one, to try --gpus 2"
+    name, hint = "several gpus", "SOFTLAB_SHARE_GPU=1 lets windows alternate on one GPU, to test --gpus 2"
     works, _ = gpu_available()
     if not works:
-        return Finding(name, False, "no GPU was found, see gpu", "on CPUs a grid is shared by softlab run --ranks N")
+        return Finding(name, False, "no GPU was found, see gpu", "on CPUs use softlab run --ranks N")
     if simulated():
-        return Finding(name, True, "the simulator lets windows take turns on its one device")
+        return Finding(name, True, "in the simulator windows alternate on its one device")
     try:
         links = component("softlab.gpu_backend.domains.links:find_links", "--gpus")()
     except BackendUnavailable as missing:

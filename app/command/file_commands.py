@@ -61,7 +61,7 @@ def inspect(
     scale: Annotated[float, typer.Option(help="Metres per unit of the file.")] = 1.0,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
 ) -> None:
-    """Say what a mesh file holds: size, area, volume, pieces, rims, repairs, its unit, and what it can be used as."""
+    """Say what a mesh file holds: size, area, volume, pieces, rims, repairs, its unit, and its possible uses."""
     from softlab.app.command.inspect import inspect_file
 
     with waiting_shown():

@@ -1,5 +1,5 @@
-"""Spray and foam of a run whose last state is drawn: they have a history, and are followed frame by frame as in a
-clip."""
+"""Spray and foam of a run whose last state is drawn. They depend on the history, so they are updated frame by frame, as
+in a clip."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def frame_steps(simulation: Simulation, frame: float = FRAME) -> int:
 
 
 class Foaming:
-    """Follows the `points` of a run, frame by frame."""
+    """Updates the `points` of a run frame by frame."""
 
     def __init__(self, simulation: Simulation):
         self.points = FoamPoints(simulation.scene, simulation.scene.foam or Foam())

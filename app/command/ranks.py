@@ -20,7 +20,7 @@ from softlab.model.scene.scene import Scene
 
 
 def among_ranks(scene: Scene, request: Request) -> tuple[Request, int]:
-    """Return (the request of this process, number of processes to start for it; 0: it runs alone).
+    """Return (the request of this process, the number of processes to start for it, 0 if it runs alone).
 
     A scene that cannot be divided is refused before anything is started. Raises SceneError, BackendUnavailable.
     """

@@ -195,7 +195,7 @@ def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Resul
         waits = simulation.backend == "cpu" and simulation.threads > 1 and wait_policy() not in ("brief", "passive")
         if waits and psutil.getloadavg()[0] > core_count() + 0.5:  # threads spin, and other programs have been running
             notes.append(
-                "other programs use the cores, which slows threads that wait for one another: "
+                "other programs use the cores, which slows down threads that wait for each other: "
                 "unset OMP_WAIT_POLICY and GOMP_SPINCOUNT, or use --threads auto"
             )
     return result
@@ -227,7 +227,7 @@ def _advance(
     simulation: Simulation, steps: int, observers: Sequence[Observer], progress: bool
 ) -> tuple[float, Diverged | None]:
     """Advance the simulation. Returns (seconds of stepping alone, the divergence that ended it or None). `observers`
-    get the states during the run."""
+    receive the states during the run."""
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
     from softlab.app.output.bar import Bar

@@ -22,7 +22,7 @@ def parse_record(words: Iterable[str] | None) -> int:
 
 
 def step_count(scene: Scene, steps: int | None, time: float | None, notes: list[str]) -> int:
-    """Return the number of steps asked for; a time is rounded to whole steps, with a note about it."""
+    """Return the requested number of steps; a time is rounded to whole steps, which adds a note."""
     if steps is not None and time is not None:
         raise SceneError("--time", time, "--steps and --time are mutually exclusive; pass one of them")
     if steps is not None:

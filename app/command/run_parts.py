@@ -13,8 +13,8 @@ from softlab.model.tables.colliders.surface_collider import SurfaceCollider, nam
 
 
 def body_lines(scene: Scene) -> list[str]:
-    """Return lines about the meshes of a scene's bodies: for each, once for all its copies, what was built and its
-    mass."""
+    """Return lines about the meshes of a scene's bodies: how each body was built, and its mass, once for all its
+    copies."""
     lines = [line for member in scene.members.values() for line in body_lines(member)]
     for name, part in scene.bodies.items():
         times = f" (x {part.count})" if part.count > 1 else ""
@@ -26,8 +26,8 @@ def body_lines(scene: Scene) -> list[str]:
 
 
 def built_report(scene: Scene) -> dict[str, object]:
-    """Return, for tetrahedral bodies, by name: what they were built from, and their mass [kg], volume [m^3] and second
-    moments of volume about x, y, z through the centre [m^5] next to the mesh's."""
+    """Return, for tetrahedral bodies by name: how they were built, and their mass [kg], volume [m^3] and second moments
+    of volume about x, y, z through the centre [m^5], next to those of the mesh."""
     built = {}
     for member in (scene, *scene.members.values()):
         for name, part in member.tetrahedra.items():
@@ -74,7 +74,8 @@ def fluid_notes(report: Mapping[str, object]) -> list[str]:
 
 
 def newton_notes(report: Mapping[str, Any]) -> list[str]:
-    """Return a note if nothing was solved.
+    """Return a note if no solve was needed. A solve whose second, positive matrix does not lead to a step has two
+    matrices and no step; at rest it has one.
 
     If a matrix that was made again, positive, does not lead to a step either, a solve has two matrices and no step; at
     rest it has one.
@@ -93,8 +94,7 @@ def newton_notes(report: Mapping[str, Any]) -> list[str]:
 
 def contact_report(simulation: Simulation, state: State) -> dict[str, object]:
     """Return, for a cloth with self-contact: the least gaps [m] between layers and between edges (None: more than the
-    thickness), and what contacts of masses with triangles miss (pairs of edges that are too near, edges through
-    triangles).
+    thickness), and the contacts that are not detected (pairs of edges that are too near, edges through triangles).
 
     Takes seconds for large sheets.
     """

@@ -1,4 +1,4 @@
-"""Scene files: a scene written as the TOML that `load_scene` reads, whole or not at all."""
+"""Scene files: writes a scene as the TOML that `load_scene` reads. An error leaves no partial file."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ def _key(name: str) -> str:
 
 
 def _value(value: object) -> str:
-    """Return a TOML value. JSON's strings, numbers and truth values are TOML's, except for DEL, which must be escaped
-    in TOML; fields without a value are left out."""
+    """Return a TOML value. JSON's strings, numbers and booleans are valid TOML, except that TOML requires DEL to be
+    escaped; fields without a value are left out."""
     if isinstance(value, dict):
         fields = [f"{_key(name)} = {_value(one)}" for name, one in value.items() if one is not None]
         return f"{{ {', '.join(fields)} }}"

@@ -1,4 +1,4 @@
-"""Ctrl-C while the lab is still being imported: one line and status 130, as later on.
+"""Ctrl-C during the imports: one line and status 130, as later.
 
 softlab/cli.py imports it before all else. `exit_status` (command_line.py) takes over when the command begins.
 """

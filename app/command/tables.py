@@ -1,4 +1,4 @@
-"""Tables of the command line, for people. (`--json` prints for programs.)"""
+"""Tables of the command line (`--json` prints the same for programs)."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def number(value: object) -> str:
 
 
 def print_report(console: Console, report: Mapping[str, Any], written: list[Path], keeps: str = "conserves") -> None:
-    """Print the result of one run; `keeps`: the effect of its step on the modified energy, of model/core/energy.py."""
+    """Print the result of one run. `keeps`: a clause on the energy that its step conserves (model/core/energy.py)."""
     table = Table(show_header=False, box=None, pad_edge=False)
     waiting = {"particles": report.get("waiting_particles"), "bodies": report.get("waiting")}
     for key, value in report.items():

@@ -15,8 +15,8 @@ SHOWN_AFTER = 0.5  # s: longer work gets a bar
 
 
 class _Waiting:
-    """The active work, outermost first, and a bar that shows the innermost. A timer starts the bar, so that work which
-    reports nothing has one, too."""
+    """The active work, outermost first, and a bar that shows the innermost. A timer starts the bar, so that work
+    without progress reports has one, too."""
 
     def __init__(self) -> None:
         self.active: dict[str, float | None] = {}
@@ -25,7 +25,7 @@ class _Waiting:
         self.bar: Bar | None = None
 
     def watch(self, label: str, fraction: float | None) -> None:
-        """Take a report of model/base/waiting.py."""
+        """Receive a progress report of model/base/waiting.py."""
         with self.lock:
             if fraction is not None and fraction >= 1:
                 self.active.pop(label, None)

@@ -53,7 +53,7 @@ def _strain(scene: Scene, position: np.ndarray) -> np.ndarray:
 def _pieces(
     scene: Scene, position: np.ndarray, matrices: np.ndarray | None, inverse_mass: np.ndarray | None
 ) -> list[Piece]:
-    """Return the sheet: its triangles, or else its lines; one without springs is its masses."""
+    """Return the sheet as its triangles, or else its lines; without springs, as its masses."""
     name = next((name for name, part in scene.parts.items() if part is scene.grid), "grid")
     triangles = scene.grid.triangles() if scene.dimensions == 3 else np.zeros((0, 3), np.int32)
     if len(triangles):

@@ -26,7 +26,7 @@ def _view(scene: Scene, detail: Detail, quick: bool, first_colour: int) -> View:
 def _pieces(
     scene: Scene, position: np.ndarray, matrices: np.ndarray | None, inverse_mass: np.ndarray | None
 ) -> list[Piece]:
-    """Return the skins of tetrahedral bodies, deformed with their tetrahedra, and of a cloth beside them."""
+    """Return the skins of tetrahedral bodies, deformed by their tetrahedra, and of a cloth beside them."""
     skin = scene.tetrahedra_set.skin
     points = skin.points(position)
     normals = mesh_normals(points, skin.faces)

@@ -43,7 +43,7 @@ def _counts(scene: Scene) -> dict[str, object]:
 
 
 def _drawn(scene: Scene) -> tuple[str, ...]:
-    """Return `velocity` if a member is drawn with it; members compute their normals themselves."""
+    """Return `velocity` if the drawing of a member needs it; members compute their normals themselves."""
     return ("velocity",) if any("velocity" in presentation_of(one).drawn(one) for one in scene.members.values()) else ()
 
 

@@ -1,7 +1,8 @@
 """States as meshes for other programs: `softlab run --export`. PLY or binary glTF (.glb), written by trimesh.
 
-A PLY file is one mesh of all moving things; those without triangles are vertices without faces. A .glb has every body,
-cloth, grid and collider under its own name, grids as lines. Positions are metres, y up, as glTF requires.
+A PLY file contains all moving objects in one mesh; objects without triangles are vertices without faces. A .glb has
+every body, cloth, grid and collider under its own name, grids as lines. Positions are metres, y up, as glTF
+requires.
 """
 
 from __future__ import annotations
@@ -48,8 +49,8 @@ class Target:
 
 
 def check_export(name: str, seconds: float | None, dt: float, notes: list[str]) -> Target:
-    """Return the target of `--export NAME --export-every SECONDS`, with steps of `dt` [s]; a time that is rounded to
-    whole steps adds a line to `notes`. Raises InputError (the file's name, its folder), SceneError (the time)."""
+    """Return the target of `--export NAME --export-every SECONDS`, with steps of `dt` [s]; rounding the time to whole
+    steps adds a line to `notes`. Raises InputError (the file's name, its folder), SceneError (the time)."""
     path = Path(name)
     if not path.name:
         raise InputError(f"--export {name}: is a folder; give a file name, such as {name}/body.ply")
@@ -74,8 +75,8 @@ def check_export(name: str, seconds: float | None, dt: float, notes: list[str]) 
 
 
 class Exporter:
-    """Writes states of a run as meshes: the frames of a pattern, first the current one of `simulation`, or else the
-    end."""
+    """Writes states of a run as meshes: every frame of a file name pattern, starting with the current state of
+    `simulation`, or the final state."""
 
     def __init__(self, simulation: Simulation, target: Target):
         self.target, self.every = target, target.every
@@ -94,7 +95,8 @@ class Exporter:
             self._write(simulation)
 
     def finish(self, simulation: Simulation, notes: list[str]) -> list[Path]:
-        """Write the end, if requested, and return the files to list. A note describes many frames."""
+        """Write the final state, if requested, and return the files to list. A note replaces the list if there are
+        many."""
         if not self.every:
             self._write(simulation)
             return self.written
@@ -131,7 +133,7 @@ class Exporter:
 
 
 def write_pieces(path: Path | str, pieces: Sequence[Piece]) -> Path:
-    """Write pieces to `path` (.ply or .glb), whole or not at all. Raises InputError."""
+    """Write pieces to `path` (.ply or .glb), completely or not at all. Raises InputError."""
     path = check_target(path, (PLY, GLB), "an exported mesh")
     data = _glb(pieces) if path.suffix.lower() == GLB else _ply(pieces)
     with replacing(path) as temporary:

@@ -1,4 +1,4 @@
-"""State and trajectory files (.npz): read with care, written whole or not at all."""
+"""State and trajectory files (.npz): checked when read, and written completely or not at all."""
 
 from __future__ import annotations
 
@@ -47,9 +47,9 @@ def write_state(path: Path | str, state: State) -> Path:
 def read_state(path: Path | str, scene: Scene, notes: list[str] | None = None) -> State:
     """Return the state in a .npz file, and add to `notes` which of its arrays are ignored.
 
-    `position` is required. By default velocity is 0, the masses are the scene's, the rotations of bodies are fitted,
-    and nothing is bent. Raises InputError for a file that is missing, unreadable, no .npz, or without positions of this
-    scene; the other arrays are checked where they are loaded.
+    `position` is required. By default velocity is 0, the masses are the scene's, the rotations of bodies are fitted to
+    the positions, and there is no plastic strain. Raises InputError for a file that is missing, unreadable, no .npz, or
+    without positions of this scene; the other arrays are checked where they are loaded.
     """
     arrays = read_archive(
         path, "a state is a .npz file with named arrays, position among them, such as softlab run --out writes"

@@ -33,7 +33,7 @@ MIN_SIZE, MAX_SIZE = 16, 16384  # pixels
 
 @dataclass(frozen=True)
 class Fitted:
-    """A view and the largest strain of the range of colours, which contain every state they were fitted to."""
+    """A view and a range of colours that contain every state they were fitted to."""
 
     camera: Camera
     strain_range: float
@@ -59,11 +59,12 @@ class Picture:
 class OffscreenRenderer:
     """Draws states of one scene into a picture of `width` x `height` pixels; a context manager.
 
-    `draw(position)` draws and waits until it is drawn, `image()` returns the pixels. `legend=False` omits all text. The
-    view and the range of colours are those of `fit` (the rest state and a strain of 0.5 before its first call). A cloth
-    is drawn as a lit surface, or with `lines` as springs coloured by strain, with the legend; bodies as their skins, or
-    with `lines` as particles. `view_options`: how tetrahedra or fluids are drawn, of VIEW_OPTIONS in their view. Raises
-    BackendUnavailable if off-screen OpenGL or a font is missing, InputError for an impossible size.
+    `draw(position)` draws and waits until it is drawn, `image()` returns the pixels. `legend=False` omits all text.
+    `fit` sets the view and the range of colours; before its first call they are those of the rest state and of a
+    strain of 0.5. A cloth is drawn as a lit surface, or with `lines` as springs coloured by strain, with the legend;
+    bodies as their skins, or with `lines` as particles. `view_options`: how tetrahedra or fluids are drawn, of
+    VIEW_OPTIONS in their view. Raises BackendUnavailable if off-screen OpenGL or a font is missing, InputError for
+    an impossible size.
     """
 
     def __init__(
@@ -138,7 +139,8 @@ class OffscreenRenderer:
         self.camera.aim(self.scene.camera)
 
     def show_bodies(self, inverse_mass: np.ndarray | None) -> None:
-        """Hide bodies inactive by these inverse masses (particles,), as in State; None: when the scene starts."""
+        """Hide the bodies that these inverse masses (particles,), as in State, mark as inactive; None: those of the
+        start of the scene."""
         if self.scene.copies:
             self._weights = inverse_mass
             self._view.show_bodies(inverse_mass)
@@ -180,7 +182,7 @@ class OffscreenRenderer:
         """Draw a state (particles, dimensions) [m] and return when it is drawn. Raises InputError for other shapes.
 
         `time` [s] gives the positions of moving colliders; in space `normal` (particles, 3) are the cloth's, if known;
-        `velocity` (particles, dimensions) [m/s], if known, is for `wants_velocity`.
+        `velocity` (particles, dimensions) [m/s], if known, is used if `wants_velocity`.
         """
         self._window.switch_to()
         self._view.know(velocity, time)
@@ -188,7 +190,8 @@ class OffscreenRenderer:
         self._draw(time)
 
     def show(self, simulation: Simulation) -> None:
-        """Draw a simulation's current state and return when drawn; without the host's memory if its GPU also draws."""
+        """Draw a simulation's current state and return when it is drawn; the data stay on the GPU if the same one
+        draws."""
         self._window.switch_to()
         self._view.upload_from(simulation)
         self._draw(simulation.time)
@@ -272,10 +275,10 @@ def opengl_available(text: bool = True) -> tuple[bool, str]:
     try:
         done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False)
     except (OSError, subprocess.TimeoutExpired) as error:
-        return False, f"the trial of OpenGL did not finish ({type(error).__name__}); {OFFSCREEN_REMEDY}"
+        return False, f"the OpenGL test did not finish ({type(error).__name__}); {OFFSCREEN_REMEDY}"
     lines = [line for line in done.stdout.splitlines() if line.startswith(("works ", "fails "))]
     if not lines:  # a driver that crashed the process
-        return False, f"the trial of OpenGL ended with status {done.returncode}; {OFFSCREEN_REMEDY}"
+        return False, f"the OpenGL test ended with status {done.returncode}; {OFFSCREEN_REMEDY}"
     word, _, detail = lines[-1].partition(" ")
     return word == "works", detail
 

@@ -1,4 +1,5 @@
-"""Parts of a state for other programs: skins, particles, cloths, grids and colliders as triangles, lines and points."""
+"""The state as geometry for other programs: skins, particles, cloths, grids and colliders as triangles, lines and
+points."""
 
 from __future__ import annotations
 

@@ -166,7 +166,7 @@ def render_clip(
 ) -> Path:
     """Advance `simulation` by `steps` steps and draw its start, every `steps_per_frame` steps and its end into an MP4.
 
-    The view and the range of colours widen with the motion. Shows a progress bar on standard error, if it takes longer
+    The view and the range of colours grow with the motion. Shows a progress bar on standard error, if it takes longer
     than a second. Raises InputError, BackendUnavailable, and Diverged (then there is no clip).
     """
     if steps < 0 or steps_per_frame < 1:
@@ -233,8 +233,7 @@ def _progress_bar(name: str, total: int) -> tuple[Progress, TaskID]:
 
 
 def check_render(path: Path | str) -> Path:
-    """Return `path`, if `render` could write it; raises InputError. To be called before the work whose picture it
-    is."""
+    """Return `path`, if `render` could write it; raises InputError. Call it before the simulation runs."""
     return check_target(path, (FRAME, CLIP), "a picture or a clip")
 
 

@@ -123,7 +123,7 @@ def _seconds(file: Path) -> float:
 
 
 def voice_available() -> tuple[bool, str]:
-    """Return (True if a voice works here, tried with a word; which one, or why none does)."""
+    """Return (True if a voice works here, its name or the reason why none does); tries it on one word."""
     with tempfile.TemporaryDirectory(prefix="softlab-voice-") as folder:
         files, detail = speak(["soft bodies"], Path(folder))
     return files is not None, detail

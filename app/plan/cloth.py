@@ -39,7 +39,7 @@ def cloth_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     """Return the plan on a CPU: each spring and each triangle once, along a walk down the rows."""
     from softlab.cpu_backend.mass_spring.cloth.solver import choose_kernel
 
-    passes = cloth_passes(plan, precision, 1.0, "along rows, a band of rows a thread")
+    passes = cloth_passes(plan, precision, 1.0, "along rows, one band of rows per thread")
     why = "repeats until residuals are small" if plan.has(PRODUCT_STAGE) else "one pass over the sheet per force"
     return cpu_plan(choose_kernel(None), why, passes)
 

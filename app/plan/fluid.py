@@ -13,11 +13,11 @@ from softlab.model.scene.scene import Scene
 
 
 def fluid_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
-    """Return the plan on a CPU: neighbour lists, sixteen particles per vector, all substeps of a call by one team of
-    threads."""
+    """Return the plan on a CPU: neighbour lists, sixteen particles per vector, one parallel region for all substeps of
+    a call."""
     why = "sorted by cells in every substep, neighbour lists in slices; all substeps of a call in one kernel"
     groups = [[stage] for stage in stages_of(plan)]
-    return cpu_plan("fused", why, merged_passes(groups, plan, precision, "a phase of the thread team"))
+    return cpu_plan("fused", why, merged_passes(groups, plan, precision, "one phase of the thread team"))
 
 
 def fluid_lines(scene: Scene) -> list[str]:

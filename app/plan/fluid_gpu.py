@@ -12,7 +12,10 @@ ALONE = ("sort into cells", "density", "correct", "normals and vorticity")
 def fluid_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     """Return the plan on a GPU. Works without a GPU."""
     if "divergence-free" in plan.parts:
-        why = "particles sorted by cells in every substep, a thread each walks its list; a launch a stage; captured"
+        why = (
+            "particles sorted by cells in every substep, one thread per particle and its list; one launch per stage; "
+            "captured"
+        )
         return _launches(why, [[stage] for stage in stages_of(plan)], plan, precision)
     groups: list[list[Stage]] = [[]]
     for stage in stages_of(plan):

@@ -1,4 +1,4 @@
-"""Plan of the lab grid's step on each backend: its kernel, and the bytes and operations of a pass."""
+"""Plan of the grid's step on each backend, for `softlab plan`: its kernel, and the bytes and operations of a pass."""
 
 from __future__ import annotations
 

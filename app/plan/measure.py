@@ -1,10 +1,9 @@
-"""Measured time of every stage of a step: the unfused tree is run, stage by stage.
+"""Measured time of every stage of a step, run one by one, and of the whole step of the default kernel.
 
-Next to them the whole step of the default kernel: its threads start once and its stages share loads, so it takes a
-fraction of the sum. On the CPU each stage of a real step is timed in turn. On a GPU a launch from Python takes longer
-than most stages: each stage is captured many times as a graph (gpu_backend/core/launch.py) and replayed, so that its
-own time shows. Repeating a stage leads to an arbitrary state, which is discarded; no stage's time depends on its
-values.
+That kernel starts its threads once and its stages reuse loads, so it takes a fraction of the sum. On the CPU each stage
+of a real step is timed in turn. On a GPU a launch from Python takes longer than most stages, so each stage is captured
+many times in a graph (gpu_backend/core/launch.py) and replayed. Repeating a stage leads to an arbitrary state, which is
+discarded; the time of a stage does not depend on its values.
 """
 
 from __future__ import annotations

@@ -26,7 +26,7 @@ class Pass:
 def merged_pass(stages: Sequence[Stage], item: int, dimensions: int, note: str, memory_fraction: float = 1.0) -> Pass:
     """Return one pass that does all `stages`.
 
-    Values are `item` bytes; results passed from one stage to the next are not counted. `memory_fraction`: fraction of
+    Values are `item` bytes; results that one stage passes to the next are not counted. `memory_fraction`: fraction of
     the bytes that go through memory.
     """
     moved = memory_fraction * max(stage.bytes(item, dimensions) for stage in stages)
@@ -66,9 +66,9 @@ def item_bytes(precision: str) -> int:
 
 
 def gpu_device(choice: str = "") -> tuple[str, tuple[int, int] | None]:
-    """Return (description of the GPU, the limits for the choice of kernels, None: its own).
+    """Return (description of the GPU, its limits for the choice of kernels, None for the present GPU).
 
-    Without a GPU, and with a `choice` (in words): the GPU on which that was measured.
+    Without a GPU, `choice` describes the GPU on which the choice was measured.
     """
     from softlab.gpu_backend.core.device import gpu_available, simulated
 
@@ -126,8 +126,8 @@ def fused_passes(
 ) -> tuple[Pass, ...]:
     """Return the passes of `fused_groups`.
 
-    `memory_fraction`: fraction of the state's bytes that a pass moves through memory; `more`: operations per mass if
-    springs are computed again.
+    `memory_fraction`: fraction of the state's bytes that a pass moves through memory; `more`: additional operations per
+    mass for springs that are computed twice.
     """
     groups = fused_groups(plan, combine_kicks)
     verlet = plan.has("second half kick")

@@ -28,8 +28,8 @@ from softlab.model.scene.scene import Scene
 
 @dataclass(frozen=True)
 class Row:
-    """A line of the tree: a branch, or (`stage`) a leaf. `runs`: number of times in a step; `depth`: below the whole
-    step.
+    """A line of the tree: a branch or, with a `stage`, a leaf. `runs`: number of times in a step; `depth`: below the
+    whole step.
 
     `seconds`: measured of a step, over all masses, by backend.
     """

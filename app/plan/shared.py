@@ -1,4 +1,4 @@
-"""Content of `softlab plan --gpus N`: the owner of rows, bodies or slabs, the messages, and the bound by the link."""
+"""Content of `softlab plan --gpus N`: who owns which rows, bodies or slabs, the messages, and the bound by the link."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ LINES = 16  # of domains that are listed
 
 
 def _more(count: int) -> list[str]:
-    """Return the line that stands for the entries which are not listed."""
+    """Return the line that replaces the entries which are not listed."""
     return [f"  and {count - LINES} more"] if count > LINES else []
 
 
@@ -33,7 +33,7 @@ def _link(link: Link) -> dict[str, object]:
 
 
 def _adds(link: Link, seconds: float) -> str:
-    """Return the line about the time that messages add to a step [s]."""
+    """Return the line on the time that messages add to a step [s]."""
     return (
         f"  {link.name} ({1e6 * link.latency:g} us, {link.bandwidth / 1e9:g} GB/s; {link.source}) adds "
         f"{1e6 * seconds:.2g} us per step"
@@ -226,12 +226,12 @@ class SlabsPlan:
 
     @property
     def bytes_per_step(self) -> int:
-        """Bytes sent by all per step."""
+        """Bytes that all GPUs together send per step."""
         return int(self.counts[:, 2].sum()) * self.sent_bytes * self.substeps
 
     @property
     def gain(self) -> float:
-        """Upper bound of the speedup: all particles over those that the fullest slab computes."""
+        """Upper bound of the speedup: all particles divided by those that the largest slab computes."""
         return float(self.counts[:, 0].sum() / self.counts[:, 1].max())
 
     def as_dict(self) -> dict[str, object]:

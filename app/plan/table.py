@@ -77,8 +77,8 @@ def tile_description(name: str) -> str:
 
 
 def overhead_lines(report: PlanReport) -> list[str]:
-    """Return a line for each backend on which an empty stage takes more than half of the longest one: its fractions
-    then say little."""
+    """Return a line for each backend on which an empty stage takes more than half as long as the longest one; the
+    fractions then mean little."""
     lines = []
     for one in report.backends:
         longest = max((row.seconds.get(one.name, 0.0) / row.runs for row in report.rows), default=0.0)
@@ -91,7 +91,7 @@ def overhead_lines(report: PlanReport) -> list[str]:
 
 
 def amounts(scene: Scene) -> str:
-    """Return the number of particles and of their springs, clusters and so on; of a world member by member."""
+    """Return the number of particles and of their springs, clusters and so on; for a world, per member."""
     return presentation_of(scene).amounts(scene, counts(scene))
 
 

@@ -10,7 +10,7 @@ from softlab.model.scene.scene import Scene
 def world_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     """Return the plan on a CPU: one call per stage."""
     passes = merged_passes([[stage] for stage in stages_of(plan)], plan, precision, "a loop over the threads")
-    return cpu_plan("stages", "a call a stage: members' own, and contacts between them", passes)
+    return cpu_plan("stages", "one call per stage: of each member, and of contacts between them", passes)
 
 
 def world_on_gpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:

@@ -9,7 +9,7 @@ from softlab.model.scene.scene import Scene
 
 
 def _substep(plan: Plan, precision: str, note: str, memory_fraction: float = 1.0) -> tuple[Pass, ...]:
-    """Return the single pass that a fused kernel makes of a substep: it reads and writes the state and nothing else."""
+    """Return the single pass that a fused kernel makes of a substep: it reads and writes only the state."""
     substep = plan.root.children[0]
     assert isinstance(substep, Node)
     substeps = substep.times
@@ -28,7 +28,7 @@ def xpbd_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     why = "colours, iterations and prediction in one pass over the rows"
     if scene.method.matches_shapes:
         why = "prediction, clusters and goals in one pass over the rows per iteration"
-    passes = _substep(plan, precision, "a substep; along rows, a band of rows a thread")
+    passes = _substep(plan, precision, "a substep; along rows, one band of rows per thread")
     return cpu_plan(choose_kernel(None), why, passes)
 
 

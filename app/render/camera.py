@@ -1,5 +1,5 @@
-"""Cameras: world metres <-> window pixels, and the mass under the pointer; the camera of a plane. In space: camera3d.py.
-Pure arithmetic, no OpenGL.
+"""Cameras: conversion between world metres and window pixels, and the mass under the pointer; the camera for scenes in
+a plane. The camera for space is in camera3d.py. Pure arithmetic, no OpenGL.
 
 Window coordinates count from the lower left corner, y up, in frame-buffer pixels.
 """
@@ -22,8 +22,8 @@ Margins = tuple[float, float, float, float]  # pixels kept free at the left, bot
 
 
 def finite_bounds(position: np.ndarray) -> tuple[float, ...] | None:
-    """(left, bottom, right, top) [m] of the finite rows of `position` (particles, 2), or None where there is none; in space
-    the lowest x, y, z, then the highest."""
+    """Return (left, bottom, right, top) [m] of the finite rows of `position` (particles, 2), or None if there are none;
+    in space the lowest x, y, z, then the highest."""
     if not len(position):
         return None
     low, high = position.min(axis=0), position.max(axis=0)
@@ -36,7 +36,7 @@ def finite_bounds(position: np.ndarray) -> tuple[float, ...] | None:
 
 
 def joined_bounds(every: Sequence[Sequence[float]]) -> tuple[float, ...]:
-    """The box around boxes, each as `finite_bounds` gives it; at least one."""
+    """Return the box around boxes (at least one), each as `finite_bounds` returns it."""
     half = len(every[0]) // 2
     low = np.min([bounds[:half] for bounds in every], axis=0)
     high = np.max([bounds[half:] for bounds in every], axis=0)
@@ -44,15 +44,15 @@ def joined_bounds(every: Sequence[Sequence[float]]) -> tuple[float, ...]:
 
 
 def box_corners(low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """(2**dimensions, dimensions): the corners of the box from `low` to `high`, each (dimensions,)."""
+    """Return the corners (2**dimensions, dimensions) of the box from `low` to `high`, each (dimensions,)."""
     axes = np.arange(len(low))
     return np.array([np.where(k >> axes & 1, high, low) for k in range(1 << len(low))])
 
 
 @dataclass
 class Camera(ABC):
-    """Common part of the cameras of a plane and of space: the point in the middle of a window of `width` x `height` pixels,
-    and its motion."""
+    """Common part of the cameras: the target, which is in the middle of a window of `width` x `height` pixels, and the
+    motion."""
 
     width: int
     height: int
@@ -62,7 +62,7 @@ class Camera(ABC):
     @property
     @abstractmethod
     def target(self) -> np.ndarray:
-        """(dimensions,) [m], what lies in the middle of the window."""
+        """Point in the middle of the window, (dimensions,) [m]."""
 
     def _aim(self, target: np.ndarray) -> None:
         for name, part in zip("xyz", target.tolist(), strict=False):
@@ -71,7 +71,8 @@ class Camera(ABC):
     @property
     @abstractmethod
     def axes(self) -> np.ndarray:
-        """(dimensions, dimensions): rows are the unit vectors to the right, up, and, in space, toward the viewer."""
+        """Axes of the camera (dimensions, dimensions): rows are the unit vectors to the right, up and, in space, toward
+        the viewer."""
 
     @property
     @abstractmethod
@@ -81,26 +82,26 @@ class Camera(ABC):
     @property
     @abstractmethod
     def focal(self) -> float:
-        """Pixels per unit of tangent: the size of a metre at a distance of a metre."""
+        """Focal length: pixels per unit of tangent, the size of a metre at a distance of a metre."""
 
     @property
     @abstractmethod
     def eye(self) -> np.ndarray:
-        """(3,) [m], where it looks from."""
+        """Position of the eye, (3,) [m]."""
 
     @property
     @abstractmethod
     def ahead(self) -> np.ndarray:
-        """(3,), the unit vector in which it looks; 0 without perspective."""
+        """Unit vector of the view direction, (3,); 0 without perspective."""
 
     @abstractmethod
     def _depth(self, seen: np.ndarray) -> np.ndarray:
-        """Return (...,) [m]: the depth of points (..., dimensions) in the camera's axes, from the target."""
+        """Return the depth (...,) [m] of points (..., dimensions) behind the target, along the camera's axis."""
 
     @property
     @abstractmethod
     def nearest(self) -> float:
-        """Depth [m] beyond which points are in front."""
+        """Depth [m] of the near plane; only points beyond it are drawn."""
 
     @abstractmethod
     def as_dict(self) -> dict[str, float]:
@@ -108,20 +109,22 @@ class Camera(ABC):
 
     @abstractmethod
     def matrix(self) -> np.ndarray:
-        """(4, 4): homogeneous world coordinates (a column; z = 0 in a plane) -> clip coordinates of OpenGL."""
+        """Matrix (4, 4) from homogeneous world coordinates (a column; z = 0 in a plane) to clip coordinates of
+        OpenGL."""
 
     @abstractmethod
     def magnify(self, factor: float) -> None:
-        """Magnify what is at the target's depth by `factor`, within the limits of drawing."""
+        """Magnify the picture at the target's depth by `factor`, within the limits of drawing."""
 
     @abstractmethod
     def holding(self, points: np.ndarray, margins: Margins, radius: float = 0.0) -> Self:
-        """Return a camera turned the same way that shows all `points` (n, dimensions) [m] inside the margins, as large as
-        can be. `radius` [m]: half the least side in a plane; in space the radius of balls about the points."""
+        """Return a camera with the same direction that shows all `points` (n, dimensions) [m] inside the margins, as
+        large as possible. `radius` [m]: in a plane half of the smallest side, in space the radius of balls around the
+        points."""
 
     @abstractmethod
     def outermost(self, points: np.ndarray, margins: Margins, radius: float = 0.0) -> np.ndarray:
-        """Return points that determine this camera, made by `holding` for `points`: for them alone it is the same."""
+        """Return those of `points` that determine the camera returned by `holding`: for them alone it is the same."""
 
     def project(self, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Project points (..., dimensions) [m]; returns pixels (..., 2), NaN for points that are not in front, and depths
@@ -141,8 +144,8 @@ class Camera(ABC):
         return tuple((self.target + seen @ self.axes).tolist())
 
     def framing(self, bounds: Sequence[float], margins: Margins, least: float) -> Self:
-        """Return a camera turned the same way that shows the whole box `bounds`, as `finite_bounds` returns it [m], inside
-        the margins, as large as can be.
+        """Return a camera with the same direction that shows the whole box `bounds`, as `finite_bounds` returns it [m],
+        inside the margins, as large as can be.
 
         `least` [m]: no side is taken for shorter than this, so that a single mass does not fill the window.
         """
@@ -151,69 +154,69 @@ class Camera(ABC):
         return self.holding(box_corners(low - grow, high + grow), margins)
 
     def aim(self, part: CameraPart | None) -> None:
-        """Look where a scene's `camera` table says, as far as it does."""
+        """Set the view to the scene's `camera` table, as far as it is given."""
         if part is not None and part.target is not None:
             self._aim(np.array(part.target[: len(self.target)]))
         if part is not None and part.size is not None:
             self.magnify(self.height / part.size / self.scale)
 
     def to_window(self, position: np.ndarray) -> np.ndarray:
-        """(..., dimensions) metres -> (..., 2) pixels; NaN for what is not in front."""
+        """Convert (..., dimensions) metres to (..., 2) pixels; NaN for points that are not in front."""
         return self.project(position)[0]
 
     def direction(self, columns: int, rows: int) -> tuple[float, ...]:
-        """The unit vector that points as an arrow key does in the window."""
+        """Return the unit vector in the world that an arrow key stands for."""
         right, up = self.axes[:2]
         return tuple((columns * right + rows * up).tolist())
 
     def pan(self, dx: float, dy: float) -> None:
-        """Move what is seen at the target's depth by (dx, dy) pixels."""
+        """Move the picture at the target's depth by (dx, dy) pixels."""
         right, up = self.axes[:2]
         self._aim(self.target - (dx * right + dy * up) / self.scale)
 
     def zoom(self, factor: float, x: float, y: float) -> None:
-        """Magnify by `factor`; at the target's depth the window point (x, y) keeps showing the same place."""
+        """Magnify by `factor`; the point at the target's depth under the window point (x, y) stays there."""
         before = np.array(self.on_plane(x, y, self.target))
         self.magnify(factor)
         self._aim(self.target + before - self.on_plane(x, y, self.target))
 
     def approach(self, other: Self, fraction: float) -> None:
-        """Move by `fraction` (0 to 1) toward the target and scale of another camera. The rotation, which is the user's,
-        stays."""
+        """Move by `fraction` (0 to 1) toward the target and scale of another camera. The direction, which the user
+        chooses, stays."""
         self._aim(self.target + (other.target - self.target) * fraction)
         self.magnify((other.scale / self.scale) ** fraction)
 
 
 @dataclass
 class Camera2D(Camera):
-    """Looks at a plane without perspective: everything lies as if a metre away. `scale` is pixels per metre."""
+    """Looks at a plane without perspective. `scale`: pixels per metre."""
 
     scale: float = 30.0
     nearest = 0.0  # no field: every point is in front
 
     @property
     def target(self) -> np.ndarray:
-        """(2,) [m]"""
+        """Point in the middle of the window, (2,) [m]."""
         return np.array([self.x, self.y])
 
     @property
     def axes(self) -> np.ndarray:
-        """(2, 2): x to the right, y up."""
+        """Axes (2, 2): x to the right, y up."""
         return np.eye(2)
 
     @property
     def focal(self) -> float:
-        """The scale."""
+        """Focal length, equal to the scale."""
         return self.scale
 
     @property
     def eye(self) -> np.ndarray:
-        """(3,): nowhere."""
+        """Zeros (3,): there is no eye."""
         return np.zeros(3)
 
     @property
     def ahead(self) -> np.ndarray:
-        """(3,): 0."""
+        """Zeros (3,): there is no perspective."""
         return np.zeros(3)
 
     def _depth(self, seen: np.ndarray) -> np.ndarray:
@@ -246,17 +249,17 @@ class Camera2D(Camera):
         return Camera2D(self.width, self.height, x, y, scale)
 
     def outermost(self, points: np.ndarray, margins: Margins, radius: float = 0.0) -> np.ndarray:
-        """Return two corners that this camera would be the same for."""
+        """Return two corners that give the same camera."""
         return np.array([points.min(axis=0), points.max(axis=0)])
 
 
 def pick(camera: Camera, position: np.ndarray, x: float, y: float, max_distance: float | np.ndarray) -> int | None:
     """Return the mass at the window point (x, y), or None.
 
-    `position` (particles, dimensions) [m]; `max_distance` [pixels], one for all or (particles,).
+    `position` (particles, dimensions) [m]; `max_distance` [pixels], a number or (particles,).
 
-    The nearest in the window, unless it lies behind another: a pixel's length further from the eye than the foremost
-    candidate counts as BEHIND pixels further from the pointer.
+    It is the nearest in the window, with a penalty for depth: a candidate that lies one pixel's length behind the
+    foremost one counts as BEHIND pixels further from the pointer.
     """
     place, depth = camera.project(position)
     with np.errstate(invalid="ignore", over="ignore"):

@@ -1,4 +1,4 @@
-"""The camera of space: world metres <-> window pixels in perspective.
+"""The camera for space: conversion between world metres and window pixels in perspective.
 
 Pure arithmetic, no OpenGL. Window coordinates count from the lower left corner, y up, in frame-buffer pixels.
 """
@@ -29,7 +29,7 @@ Sides = tuple[Side, Side]  # across, and up
 class Camera3D(Camera):
     """Looks from `distance` [m] at the point (`x`, `y`, `z`) [m] in the middle of a window of `width` x `height` pixels.
 
-    `yaw` [rad] turns it about the vertical, 0 looking along -z; `pitch` [rad] lifts it above the horizontal.
+    `yaw` [rad]: rotation about the vertical, 0 along -z; `pitch` [rad]: elevation above the horizontal.
     """
 
     z: float = 0.0
@@ -39,24 +39,24 @@ class Camera3D(Camera):
 
     @property
     def target(self) -> np.ndarray:
-        """(3,) [m], what lies in the middle of the window."""
+        """Point in the middle of the window, (3,) [m]."""
         return np.array([self.x, self.y, self.z])
 
     @property
     def axes(self) -> np.ndarray:
-        """(3, 3): rows are the unit vectors to the right, up, and toward the viewer."""
+        """Axes (3, 3): rows are the unit vectors to the right, up, and toward the viewer."""
         back = np.array([sin(self.yaw) * cos(self.pitch), sin(self.pitch), cos(self.yaw) * cos(self.pitch)])
         right = np.array([cos(self.yaw), 0.0, -sin(self.yaw)])
         return np.stack([right, np.cross(back, right), back])
 
     @property
     def eye(self) -> np.ndarray:
-        """(3,) [m], where it looks from."""
+        """Position of the eye, (3,) [m]."""
         return self.target + self.distance * self.axes[2]
 
     @property
     def ahead(self) -> np.ndarray:
-        """(3,), the unit vector in which it looks."""
+        """Unit vector of the view direction, (3,)."""
         return -self.axes[2]
 
     @property
@@ -69,7 +69,7 @@ class Camera3D(Camera):
 
     @property
     def focal(self) -> float:
-        """Pixels per unit of tangent: what a metre has at a metre's depth."""
+        """Focal length: pixels per metre at a distance of a metre."""
         return self.height / 2 / tan(FIELD_OF_VIEW / 2)
 
     @property
@@ -95,13 +95,13 @@ class Camera3D(Camera):
         return {"pixels_per_metre": self.scale, "yaw": self.yaw, "pitch": self.pitch, "distance": self.distance}
 
     def orbit(self, dx: float, dy: float) -> None:
-        """Turn what is seen about the target as a drag by (dx, dy) pixels would turn a ball."""
+        """Rotate the scene about the target as a drag by (dx, dy) pixels rotates a ball."""
         self.yaw -= TURN * dx
         self.pitch = min(max(self.pitch - TURN * dy, -MAX_PITCH), MAX_PITCH)
 
     def stay_above(self, point: np.ndarray, normal: np.ndarray) -> None:
-        """Raise the eye above the plane through `point` [m] with unit `normal` (3,), by as much as the near plane is
-        away: by pitch, and if that is not enough by moving up. Walls and ceilings change nothing.
+        """Raise the eye above the plane through `point` [m] with unit `normal` (3,) by the distance of the near plane:
+        by pitch and, if that is not enough, by moving up. Walls and ceilings have no effect.
 
         The eye lies at target + distance * back, and back . normal = n_y sin(pitch) + h cos(pitch) with h the normal's
         part toward the viewer along the horizon: r cos(pitch - steepest), which must be at least `wanted`.
@@ -124,9 +124,9 @@ class Camera3D(Camera):
     def holding(self, points: np.ndarray, margins: Margins, radius: float = 0.0) -> Camera3D:
         """Implement `Camera.holding`.
 
-        With a point (x, y, z) in the camera's axes and an eye at (a, b, c), it lies left of the right margin where
-        x - a <= t (c - z), t the margin's tangent: each margin bounds a +- t c, and two together bound c. A ball takes its
-        radius times the length of (1, t) more.
+        With a point (x, y, z) in the camera's axes and an eye at (a, b, c), it lies left of the right margin where x -
+        a <= t (c - z), t the margin's tangent: each margin bounds a +- t c, and two together bound c. A ball adds its
+        radius times the length of (1, t).
         """
         seen, sides = np.asarray(points, dtype=np.float64) @ self.axes.T, self._tangents(margins)
         limits = [
@@ -165,7 +165,7 @@ class Camera3D(Camera):
 
 
 def _limits(seen: np.ndarray, sides: Sides) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Across and up, for points (n, 3) in a camera's axes: what each demands of the eye by the one margin, and the other."""
+    """Return, across and up, the bounds on the eye by both margins, for points (n, 3) in a camera's axes."""
     return [
         (below * seen[:, 2] - seen[:, axis], above * seen[:, 2] + seen[:, axis])
         for axis, (below, above) in enumerate(sides)
@@ -173,10 +173,11 @@ def _limits(seen: np.ndarray, sides: Sides) -> list[tuple[np.ndarray, np.ndarray
 
 
 def _middle(place: np.ndarray, depth: np.ndarray, radius: float, side: Side, least: float, most: float) -> float:
-    """The eye's coordinate from `least` to `most` [m] from which balls of `radius` [m] at `place` (n,), `depth` (n,) [m] away
-    keep as many pixels from the one margin as from the other.
+    """Return the coordinate of the eye, between `least` and `most` [m], at which balls of `radius` [m] at `place` (n,)
+    and `depth` (n,) [m] have the same distance in pixels from both margins.
 
-    Newton's method: for two of them it is a line, and they are the outer ones as seen from the last guess.
+    Newton's method; for two balls the equation is linear, and they are the outermost ones as seen from the last
+    estimate.
     """
     below, above = (radius * hypot(1, tangent) for tangent in side)
     eye = (least + most) / 2
@@ -191,7 +192,7 @@ def _middle(place: np.ndarray, depth: np.ndarray, radius: float, side: Side, lea
 
 
 def _outer(away: np.ndarray, depth: np.ndarray, radius: float, side: Side) -> list[int]:
-    """Return the indices of the balls of `radius` [m], `away` (n,) from the middle and `depth` (n,) [m] from the eye,
-    that are seen outermost."""
+    """Return the indices of the balls that appear outermost: of `radius` [m], `away` (n,) from the middle and `depth`
+    (n,) [m] from the eye."""
     below, above = (radius * hypot(1, tangent) for tangent in side)
     return [int(np.argmin((away - below) / depth)), int(np.argmax((away + above) / depth))]

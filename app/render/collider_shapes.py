@@ -1,4 +1,4 @@
-"""Colliders and the ground as something to draw: meshes, planes, shadows, and what belongs into the view. No OpenGL."""
+"""Geometry of colliders and the ground for drawing: meshes, planes, shadows, and their part of the view. No OpenGL."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ class Ground:
 
 
 def plane_axes(normal: Sequence[float] | np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Unit (across, along, normal), each (3,), right-handed; a level plane's axes are x and -z."""
+    """Return unit vectors (across, along, normal), each (3,), right-handed; a level plane's axes are x and -z."""
     n = np.asarray(normal, dtype=np.float64) / np.linalg.norm(normal)
     helper = np.array([1.0, 0.0, 0.0]) if abs(n[0]) < 0.9 else np.array([0.0, 0.0, 1.0])
     across = helper - (helper @ n) * n
@@ -67,7 +67,7 @@ def plane_axes(normal: Sequence[float] | np.ndarray) -> tuple[np.ndarray, np.nda
 def capsule_mesh(
     start: Sequence[float], end: Sequence[float], radius: float, velocity: Sequence[float] = (0.0, 0.0, 0.0)
 ) -> Mesh:
-    """All points at `radius` [m] from the segment; a ball where it has no length."""
+    """Return the mesh of the points at `radius` [m] from the segment; a ball if its length is 0."""
     ends = np.array([start, end], dtype=np.float64)
     axis = ends[1] - ends[0]
     across, along, axis = plane_axes(axis if np.linalg.norm(axis) > 0 else UP)
@@ -83,12 +83,12 @@ def capsule_mesh(
 
 
 def sphere_mesh(center: Sequence[float], radius: float, velocity: Sequence[float] = (0.0, 0.0, 0.0)) -> Mesh:
-    """A ball."""
+    """Return the mesh of a ball."""
     return capsule_mesh(center, center, radius, velocity)
 
 
 def box_mesh(center: Sequence[float], half_size: Sequence[float], velocity: Sequence[float] = (0.0, 0.0, 0.0)) -> Mesh:
-    """A block along the axes; a corner is three vertices, one for each face's normal."""
+    """Return the mesh of a box along the axes; a corner is three vertices, one for each face's normal."""
     vertices: list[np.ndarray] = []
     normals: list[np.ndarray] = []
     faces: list[list[int]] = []
@@ -115,7 +115,8 @@ def _vectors(array: np.ndarray) -> np.ndarray:
 
 
 def surface_mesh(collider: SurfaceCollider) -> Mesh:
-    """A mesh of triangles, three vertices each: smooth where its facets meet at less than EDGE, with edges elsewhere."""
+    """Return a mesh with three vertices per triangle: smooth where facets meet at less than EDGE, with edges
+    elsewhere."""
     corners = np.asarray(collider.origin) + collider.position[collider.triangles]
     facets = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     # a file may tell a vertex again for each of its triangles
@@ -178,7 +179,7 @@ def _extent(collider: Collider, time: float) -> tuple[np.ndarray, np.ndarray] | 
 
 
 def grounds(scene: Scene, time: float, lowest: float) -> list[Ground]:
-    """Return the scene's planes at `time` [s]. Without planes and meshes to fall on: a level ground a little below
+    """Return the scene's planes at `time` [s]. Without planes and meshes below the scene: a level ground slightly below
     `lowest` [m]."""
     planes = [collider for _, collider in scene.colliders if isinstance(collider, Plane)]
     surfaces = []
@@ -197,7 +198,7 @@ def grounds(scene: Scene, time: float, lowest: float) -> list[Ground]:
 
 
 def shadow_matrix(ground: Ground, light: np.ndarray) -> np.ndarray:
-    """(4, 4): moves a point along the direction to the `light` (3,) into the plane of the ground."""
+    """Return the matrix (4, 4) that projects a point along the direction to the `light` (3,) onto the ground."""
     matrix = np.eye(4)
     along = light / (ground.normal @ light)
     matrix[:3, :3] -= np.outer(along, ground.normal)
@@ -206,7 +207,8 @@ def shadow_matrix(ground: Ground, light: np.ndarray) -> np.ndarray:
 
 
 def line_distance(size: float) -> float:
-    """Distance of the lines of the ground [m]: 1, 2 or 5 times a power of ten, about a fifth of the scene's size."""
+    """Return the distance of the lines on the ground [m]: 1, 2 or 5 times a power of ten, about a fifth of the scene's
+    size."""
     most = size / 5
     power = 10.0 ** np.floor(np.log10(most))
     return float(max(step * power for step in (1, 2, 5) if step * power <= most * (1 + 1e-9)))
@@ -223,11 +225,13 @@ def with_colliders(scene: Scene, bounds: Sequence[float], time: float) -> tuple[
 
 
 def collider_boxes(scene: Scene, bounds: Sequence[float], time: float) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """The lowest and highest corners (3,) [m] of what a view of masses within `bounds` is to show of each collider at `time`
-    [s], planes apart.
+    """Return the lowest and highest corners (3,) [m] of the part of each collider, except planes, that a view of masses
+    within `bounds` shows at `time` [s]. It is the whole collider if that is not much larger than the masses. Otherwise
+    it extends at most half the masses' size beyond them on each side, since a ball as large as a planet, or one that
+    flew off, would make the cloth invisibly small.
 
-    Whole, if it is not much larger than the masses, and else not further than half their own size on each side: a ball as
-    large as a planet, or one that flew off, would leave nothing to see of the cloth.
+    It is the whole collider if that is not much larger than the masses, otherwise a part: a ball as large as a planet,
+    or one that flew off, would leave nothing to see of the cloth.
     """
     low, high = np.array(bounds[:3]), np.array(bounds[3:])
     size = scene.grid.extent

@@ -1,7 +1,8 @@
-"""Colours: a diverging map of strain that readers with any colour vision can tell apart, and what goes with it.
+"""Colours: a diverging colour map of strain for any colour vision, and its ranges.
 
-Blue is pressed, grey is at rest, red is stretched. Both ends are darker than the middle, so the amount of strain can be
-read from lightness alone, and the sign from hue (blue against red is safe for all common colour vision deficiencies).
+Blue is compressed, grey is at rest, red is stretched. Both ends are darker than the middle, so the amount of strain can
+be read from lightness alone, and the sign from hue (blue against red is safe for all common colour vision
+deficiencies).
 """
 
 from __future__ import annotations

@@ -2,8 +2,8 @@
 
 CUDA and OpenGL share the buffers where one GPU does both: a buffer is registered with CUDA once, and for each frame
 mapped on the solver's own stream, written to by the solver's kernels, and unmapped. Mapping on that stream orders both
-sides: the kernels wait for what still draws from the buffer, and what draws next waits for the kernels. Whether it can
-be done here is found by trying, once; from then on states travel through the host's memory, as those of the CPU do.
+sides: the kernels wait for drawing that still reads the buffer, and the next drawing waits for the kernels. The first
+failure is permanent: from then on, states go through host memory, as on the CPU.
 """
 
 from __future__ import annotations
@@ -32,12 +32,13 @@ class NotShared(Exception):
 
 
 class CudaVertices(HostVertices):
-    """HostVertices that are also filled straight from the GPU where that is possible. Needs the same current OpenGL
-    context in each call.
+    """HostVertices that the GPU fills directly where that is possible. Needs the same current OpenGL context in each
+    call.
 
-    `transfer`: path of the last state in words, and why it is not straight if a GPU computed it. `shared` False: always
-    through the host (to compare both), as are states of fewer than `few` bytes. A buffer is registered only while
-    simulations write into it: data from the host gets a fresh store, which a registered buffer may not.
+    `transfer`: path of the last state in words and, if a GPU computed it, the reason why it is not direct. `shared`
+    False: always through the host (to compare both), as are states of fewer than `few` bytes. A buffer is registered
+    only while simulations write into it, because data from the host needs a new store, which is not allowed for a
+    registered buffer.
     """
 
     def __init__(self, scene: Scene):
@@ -48,7 +49,7 @@ class CudaVertices(HostVertices):
         self._resources: dict[int, object] = {}  # buffer -> what CUDA knows it by
 
     def straight(self, simulation: Simulation) -> bool:
-        """True for a simulation on the GPU, if its state is not too small for it, until that was tried and did not work."""
+        """True if simulations on the GPU write directly: the state is not too small, and no attempt has failed."""
         wanted = self.shared and self._position.nbytes >= self.few
         return simulation.backend == "gpu" and wanted and not self._refused
 
@@ -73,7 +74,7 @@ class CudaVertices(HostVertices):
         self.transfer = HostVertices.transfer
 
     def delete(self) -> None:
-        """Free the buffers, CUDA's hold on them first."""
+        """Free the buffers; unregister them from CUDA first."""
         self._unregister()
         super().delete()
 
@@ -129,7 +130,7 @@ class CudaVertices(HostVertices):
         _checked(unmapped, "unmapping a buffer")
 
     def _unregister(self) -> None:
-        """Return the buffers to OpenGL alone. Failures are ignored: the buffers are freed or refilled next."""
+        """Unregister the buffers from CUDA. Failures are ignored, since the buffers are freed or refilled next."""
         for resource in self._resources.values():
             self._runtime.cudaGraphicsUnregisterResource(resource)
         self._resources.clear()
@@ -149,9 +150,9 @@ def load_runtime() -> ModuleType:
 
 
 def require_same_gpu(runtime: ModuleType) -> None:
-    """Raise NotShared if another GPU than CUDA's draws, or none.
+    """Raise NotShared if the GPU that draws is not the one that CUDA uses.
 
-    Not every driver can list its devices; then registering a buffer will show.
+    Drivers that cannot list their devices fail later, when a buffer is registered.
     """
     vendor, renderer = drawn_by()
     if "nvidia" not in vendor.lower():  # CUDA is not even asked about a context it cannot know

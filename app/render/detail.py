@@ -1,4 +1,4 @@
-"""Quality of a picture in space: a graphics card draws it at once, a processor takes many milliseconds."""
+"""Quality of a picture in space, since a processor needs many milliseconds where a graphics card needs almost none."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ SOFTWARE = ("llvmpipe", "softpipe", "swiftshader", "swrast")  # in the names of 
 
 @dataclass(frozen=True)
 class Detail:
-    """Quality of a picture: `samples` per pixel for smooth edges, or as many as the driver has; one pixel is drawn for
-    `coarse` x `coarse` of the window's; `shadows` on the ground. `meaning`: description."""
+    """Quality of a picture: `samples` per pixel for smooth edges, limited by the driver; one pixel is drawn per block
+    of `coarse` x `coarse` pixels of the window; `shadows` on the ground. `meaning`: description."""
 
     name: str
     samples: int

@@ -1,4 +1,4 @@
-"""A sheet as something to draw: its springs, and how far they are stretched. No OpenGL."""
+"""A sheet as lines: its drawn springs and their strains. No OpenGL."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Framing of a picture: the masses, and in space the colliders near them and the ground that they fall on."""
+"""Framing of a picture: the masses and, in space, the colliders near them and the ground that they fall on."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ def seen_radius(scene: Scene) -> float:
 
 
 def seen_points(scene: Scene, position: np.ndarray, time: float) -> np.ndarray:
-    """Return the points (n, 3) float64 [m] that a picture is to hold; none if no position is finite. In a plane two
+    """Return the points (n, 3) float64 [m] that a picture must contain, none if no position is finite; in a plane, two
     corners (2, 2).
 
     They are the finite rows of `position` (particles, 3), the corners of near colliders at `time` [s], and the places
     where bodies would land. Drops of fluids that fly far are left out, and the tank is included
     (app/render/fluid/framing.py).
 
-    Landing places and colliders count up to half the masses' own size away: the ground far below falling bodies would
-    leave nothing of them to see.
+    Landing places and colliders count only within half the masses' size, because ground far below falling bodies would
+    make them invisibly small.
     """
     position = main_part(scene, position)
     bounds = finite_bounds(position)

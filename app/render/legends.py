@@ -29,8 +29,8 @@ Named = Sequence[tuple[str, tuple[float, float, float]]]  # a name and its colou
 
 
 class Legend:
-    """The bar of colours with its numbers, at the lower right corner: of strains, from minus the range to it, or, where
-    `levels`, of what has no sign. Made once; `place` and `draw` for each frame."""
+    """The colour bar with its numbers at the lower right corner: of strains, from minus to plus the range, or, with
+    `levels`, from 0. Created once; `place` and `draw` are called for each frame."""
 
     def __init__(self, has_pins: bool, title: str = STRAIN_TITLE, levels: bool = False) -> None:
         import pyglet
@@ -94,7 +94,8 @@ def range_texts(most: float, levels: bool) -> list[str]:
 
 
 class NameLegend:
-    """A chip of colour and a name a row, at the lower right corner: what has a colour of its own. `named`: of what."""
+    """A legend with one row per name, a patch of colour and the name, at the lower right corner. `named`: the names and
+    colours."""
 
     def __init__(self, named: Named) -> None:
         import pyglet

@@ -1,7 +1,7 @@
-"""Getting at OpenGL: pyglet, loaded late and once, for a window or for pictures without one.
+"""Access to OpenGL by pyglet, loaded late and once, for a window or for pictures without one.
 
-pyglet decides at its first use whether it talks to a display or to EGL, for the life of the process. What it raises
-where something is missing becomes a BackendUnavailable with a remedy.
+At its first use pyglet selects a display or EGL for the life of the process. Its errors become BackendUnavailable with
+a remedy.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ WINDOW_REMEDY = (
 
 
 def load_pyglet(headless: bool) -> ModuleType:
-    """Return the pyglet module, set up for a window (`headless` False) or for EGL. Raises BackendUnavailable where this
-    process already uses the other, or where pyglet cannot be loaded."""
+    """Return the pyglet module, set up for a window (`headless` False) or for EGL. Raises BackendUnavailable if this
+    process already uses the other, or if pyglet cannot be loaded."""
     remedy = OFFSCREEN_REMEDY if headless else WINDOW_REMEDY
     try:
         import pyglet
@@ -64,8 +64,8 @@ def load_pyglet(headless: bool) -> ModuleType:
 
 
 def open_window(headless: bool, width: int, height: int, caption: str | None = None) -> BaseWindow:
-    """A pyglet window (off-screen: of exactly `width` x `height` pixels; else no larger than the screen) with an OpenGL 3.3
-    context, made current.
+    """Return a pyglet window (off-screen: of exactly `width` x `height` pixels; else no larger than the screen) with an
+    OpenGL 3.3 context, made current.
 
     Raises BackendUnavailable.
     """

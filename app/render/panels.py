@@ -33,8 +33,8 @@ class Style:
 
 
 class Panel:
-    """Lines of text on a light ground. `corner`: where in the window, `top-left`, `bottom-left` or `centre`. `styles`: of the
-    first line, the next ...; all lines that are left over have the last."""
+    """Lines of text on a light background. `corner`: `top-left`, `bottom-left` or `centre` of the window. `styles`: of
+    the first line, the second ...; the last one applies to all further lines."""
 
     def __init__(
         self, corner: str, styles: Sequence[Style] = (Style(),), edge: tuple[float, float, float] = EDGE
@@ -58,8 +58,8 @@ class Panel:
         self.height = 0
 
     def place(self, text: str, width: int, height: int, below: int = 0, beside: int = 0) -> None:
-        """Lay out `text` in a window of this size, `below` pixels lower than its corner and `beside` to the right of it. Free
-        if nothing changed."""
+        """Lay out `text` in a window of this size, `below` pixels lower than its corner and `beside` to the right of
+        it. Does nothing if nothing changed."""
         if self._shown == (text, width, height - below, beside):
             return
         self._shown = (text, width, height - below, beside)
@@ -98,8 +98,8 @@ def divided(text: str, parts: int) -> list[str]:
 def beside_tip(start: Pair, end: Pair, size: Pair, window: Pair) -> Pair:
     """Return the lower left corner of a label of `size` for an arrow from `start` to `end` in a `window` (all pixels).
 
-    The label lies beyond the tip, clear of it and of the pointer; if that is outside of the window, beside the arrow,
-    behind its tip; in any case inside of the window.
+    The label lies beyond the tip and the pointer; if that is outside the window, beside the arrow behind its tip;
+    always inside the window.
     """
     half, middle = np.asarray(size) / 2, np.asarray(end, dtype=float)
     along = np.subtract(end, start) / max(float(np.hypot(*np.subtract(end, start))), 1e-9)
@@ -117,7 +117,7 @@ def beside_tip(start: Pair, end: Pair, size: Pair, window: Pair) -> Pair:
 
 
 class Arrow:
-    """The poke: an arrow from the mass with the force beside it."""
+    """The arrow of a poke, from the mass, labelled with the force."""
 
     def __init__(self) -> None:
         import pyglet

@@ -1,4 +1,4 @@
-"""Colours of the particles and the clusters of a scene's bodies: of whatever a particle belongs to."""
+"""Colours of the particles and clusters of a scene's bodies."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def of_numbers(number: np.ndarray) -> np.ndarray:
 
 def particle_colours(scene: Scene, colouring: str) -> np.ndarray:
     """Return the colours (particles, 3) float32 by `body`, by `group` of contacts, or by the `cluster` of the particle
-    whose middle is nearest at rest."""
+    whose centre is nearest at rest."""
     body_set = scene.body_set
     if colouring == "group":
         groups = np.array([scene.bodies[copy.name].group for copy in body_set.copies])
@@ -35,7 +35,7 @@ def cluster_colours(body_set: BodySet) -> np.ndarray:
 
 
 def nearest_clusters(body_set: BodySet) -> np.ndarray:
-    """Return for each particle (particles,) int64 its cluster whose middle is nearest at rest; 0 for a particle without
+    """Return for each particle (particles,) int64 the cluster whose centre is nearest at rest; 0 for a particle without
     one."""
     clusters = body_set.clusters
     away = np.linalg.norm(clusters.rest, axis=1)

@@ -1,4 +1,4 @@
-"""Surroundings of a cloth or bodies: colliders at their place, the ground under it all, and shadows on the ground."""
+"""Surroundings of a cloth or bodies: colliders, the ground, and shadows on the ground."""
 
 from __future__ import annotations
 
@@ -38,21 +38,21 @@ Shade = Callable[[Camera, np.ndarray, np.ndarray], None]  # draws a shadow: came
 
 
 class Lit:
-    """The program of lit surfaces: `use(camera)` for each frame, then `set_material(...)` for each surface. Shaders of
-    other kinds of surfaces have the same lights."""
+    """The shader program of lit surfaces: `use(camera)` for each frame, then `set_material(...)` for each surface.
+    Shaders of other kinds of surfaces use the same lights."""
 
     def __init__(self, vertex: str = shaders3d.SURFACE_VERTEX, fragment: str = shaders3d.SURFACE_FRAGMENT) -> None:
         self.program = shader_program(vertex, fragment)
         self.shine(KEY)
 
     def shine(self, light: np.ndarray) -> None:
-        """Set the direction (3,) to the light that throws shadows, a unit vector."""
+        """Set the unit vector (3,) toward the light that casts shadows."""
         self.program.use()
         self.program["key"] = tuple(light.tolist())
         self.program.stop()
 
     def use(self, camera: Camera) -> None:
-        """Draw with it as `camera` sees."""
+        """Use the program, with the view of `camera`."""
         right, up, back = camera.axes
         fill = back + 0.5 * right + 0.2 * up  # from the viewer's own right: no side that is looked at is black
         self.program.use()
@@ -68,10 +68,11 @@ class Lit:
 
 
 class Scenery:
-    """The colliders and the ground of `scene`; `light` (3,): the unit vector toward what throws shadows. Needs a current
-    OpenGL 3.3 context, the same in every call.
+    """The colliders and the ground of `scene`; `light` (3,): the unit vector toward the light that casts shadows. Needs
+    a current OpenGL 3.3 context, the same in every call.
 
-    `draw_colliders` and `draw_shadows` before what is see-through, `draw_ground` after what is not; `delete()` frees it.
+    Call `draw_colliders` and `draw_shadows` before transparent objects and `draw_ground` after opaque ones; `delete()`
+    frees it.
     """
 
     def __init__(self, scene: Scene):
@@ -101,7 +102,7 @@ class Scenery:
         return vertex_array(*buffers)
 
     def _turn_to(self, time: float) -> None:
-        """Send anew what turns, where it is at `time` [s]."""
+        """Send rotating colliders again, in their position at `time` [s]."""
         if time != self._rotation_time:
             for place, facing, mesh in self._turning:
                 vertices, normals = mesh.rotated(time)
@@ -149,8 +150,8 @@ class Scenery:
     def draw_shadows(
         self, camera: Camera, time: float, lowest: float, cloth: Iterable[Drawn], others: Sequence[Shade] = ()
     ) -> None:
-        """Draw the shadows of the cloth, of the colliders and, each by itself, of `others`, on the lit planes that are
-        seen from above."""
+        """Draw the shadows of the cloth, of the colliders and of each of `others`, on the lit planes that are seen from
+        above."""
         from pyglet import gl
 
         things = [(drawn, np.zeros(3)) for drawn in cloth]

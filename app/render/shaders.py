@@ -1,8 +1,8 @@
 """The shaders of masses and springs, in a plane and in space, GLSL 3.30. Surfaces, shadows and the ground: shaders3d.py.
 
-Positions are metres, (particles, dimensions) float32, in one buffer for everything; of a plane OpenGL itself adds z = 0.
-A spring's strain is worked out on the graphics card from the two positions it joins: what is sent each frame is the
-positions alone, whatever the number of springs.
+Positions are metres, (particles, dimensions) float32, in one buffer; in a plane OpenGL adds z = 0. The graphics card
+computes a spring's strain from its two ends, so that only positions are sent each frame, whatever the number of
+springs.
 """
 
 from __future__ import annotations

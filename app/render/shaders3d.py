@@ -1,7 +1,7 @@
-"""The shaders of what only space has, GLSL 3.30: lit surfaces, shadows and the ground.
+"""Shaders for scenes in space, GLSL 3.30: lit surfaces, shadows and the ground.
 
-Positions are metres, (particles, 3) float32, in one buffer for everything; normals lie in another of the same shape.
-Every program finds them at the same two places, so that one vertex array serves all.
+Positions are metres, (particles, 3) float32, in one buffer; normals are in another of the same shape. Every program has
+them at the same two attribute locations, so that one vertex array serves all.
 """
 
 from __future__ import annotations

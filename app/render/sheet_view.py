@@ -1,5 +1,5 @@
-"""Draws one sheet into the current OpenGL context: a grid in a plane as springs coloured by strain; a cloth in space as a lit
-surface or as such springs, with what it collides with and a ground."""
+"""Draws one sheet into the current OpenGL context: a grid in a plane as springs coloured by strain; a cloth in space as
+a lit surface or as springs, with colliders and a ground."""
 
 from __future__ import annotations
 
@@ -48,8 +48,8 @@ def of_distance(apart: float, size: tuple[float, float, float]) -> float:
 
 
 def heavy_masses(scene: Scene) -> list[tuple[np.ndarray, float]]:
-    """Return [(index (1,) uint32, width relative to the other masses)] of the loads that are heavier than the others:
-    as wide as balls of the same density, up to HEAVIEST."""
+    """Return [(index (1,) uint32, width relative to the other masses)] of the loads that are heavier than the others;
+    the width is that of a ball of the same density, up to HEAVIEST."""
     heavy = []
     for load in scene.loads.values():
         wide = min(float(np.cbrt(load.mass / scene.grid.mass)), HEAVIEST)
@@ -59,7 +59,7 @@ def heavy_masses(scene: Scene) -> list[tuple[np.ndarray, float]]:
 
 
 class SheetView(View):
-    """A View of a sheet. `lines`: as springs and not as a surface, which a plane does not have."""
+    """A View of a sheet. `lines`: springs are drawn instead of a surface; in a plane always."""
 
     def __init__(self, scene: Scene, detail: Detail = FINE):
         from pyglet import gl

@@ -1,7 +1,7 @@
-"""A picture with smooth edges and depth, drawn beside the window and copied into it when it is complete.
+"""A multisampled frame buffer with depth that is copied into the window when the picture is complete.
 
-A frame buffer of our own with several samples a pixel, and not the window's: what is drawn in two dimensions keeps the
-window it has, and off-screen pictures get the same edges. It may also be smaller than where it is copied to.
+It is separate from the window's, so that 2-D drawing is unchanged and off-screen pictures get the same edges. It may be
+smaller than its destination.
 """
 
 from __future__ import annotations
@@ -11,10 +11,10 @@ from softlab.model.base.errors import BackendUnavailable
 
 
 class SmoothTarget:
-    """`begin(width, height)` turns all drawing to it, `finish()` shows it where drawing went before, in the viewport that was
-    set there; `delete()` frees it.
+    """`begin(width, height)` redirects all drawing to it; `finish()` copies it to the previous target, in its viewport;
+    `delete()` frees it.
 
-    Needs a current OpenGL 3.3 context, the same in every call. Raises BackendUnavailable where the driver refuses it.
+    Needs a current OpenGL 3.3 context, the same in every call. Raises BackendUnavailable if the driver refuses it.
     """
 
     def __init__(self, detail: Detail) -> None:
@@ -36,7 +36,7 @@ class SmoothTarget:
         return int(self._frames[0])
 
     def begin(self, width: int, height: int) -> None:
-        """Draw here from now on, `width` x `height` pixels; nothing is cleared."""
+        """Redirect drawing to this target, `width` x `height` pixels; nothing is cleared."""
         from pyglet import gl
 
         bound = gl.GLint()
@@ -73,7 +73,7 @@ class SmoothTarget:
         self._size = (width, height)
 
     def finish(self) -> None:
-        """Copy the picture to where drawing went before `begin`, and draw there again."""
+        """Copy the picture to the target that was bound before `begin`, and bind that again."""
         from pyglet import gl
 
         width, height = self._size

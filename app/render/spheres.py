@@ -1,4 +1,4 @@
-"""Particles as lit spheres, exact to the pixel, and their shadows."""
+"""Particles as lit spheres, exact per pixel, and their shadows."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class Spheres:
 
 
 def use_shadow(program: ShaderProgram, camera: Camera, flatten: np.ndarray, centre: np.ndarray) -> None:
-    """Use a program of shadows from now on."""
+    """Use the shader program of shadows from now on."""
     program.use()
     program["transform"], program["flatten"] = uniform_matrix(camera.matrix()), uniform_matrix(flatten)
     program["centre"] = tuple(centre.tolist())

@@ -1,6 +1,6 @@
-"""Draws tetrahedral bodies, and a cloth beside them, into the current OpenGL context: their skins, the surfaces that they
-were cut from, carried by the tetrahedra, or the outer faces of the tetrahedra, each body of a colour, or coloured by stress
-or strain; or the edges of the tetrahedra, coloured by strain."""
+"""Draws tetrahedral bodies, and a cloth beside them, into the current OpenGL context: their skins, deformed by the
+tetrahedra, or the outer faces of the tetrahedra, coloured by body, stress or strain; or the edges of the tetrahedra,
+coloured by strain."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ VIEW_OPTIONS = ("skin", "mesh", "edges", *COLOURINGS)
 
 
 def outer_faces(tetrahedra: TetrahedraSet) -> Skin:
-    """Return the tetrahedra's own surface, and a cloth's, as a skin whose points are the particles."""
+    """Return the surface of the tetrahedra, and that of a cloth, as a skin whose points are the particles."""
     body = np.searchsorted(tetrahedra.first_particle, tetrahedra.surface[:, 0], side="right") - 1
     faces = tuple(tetrahedra.surface[body == k] for k in range(len(tetrahedra.names)))
     return plain_skin(np.arange(tetrahedra.particle_count), faces)
@@ -62,8 +62,8 @@ class _Surface:
         self.drawn: Drawn = array, gl.GL_TRIANGLES, skin.faces.size
 
     def send(self, position: np.ndarray, level: np.ndarray | None, most: float) -> None:
-        """Send the places of the particles (particles, 3) [m], and their levels (particles,) of 0 to `most`; None: in
-        the bodies' colours."""
+        """Send the positions of the particles (particles, 3) [m] and their levels (particles,) from 0 to `most`; None:
+        the colours of the bodies."""
         with np.errstate(over="ignore", invalid="ignore"):
             points = self.skin.points(position)
             normals = mesh_normals(points, self.skin.faces)
@@ -83,9 +83,9 @@ class _Surface:
 
 
 class TetrahedraView(SheetView):
-    """A View of tetrahedral bodies. `lines`: as the edges of the tetrahedra and not as surfaces. Particles, pins and
-    edges are drawn as a sheet's. `skin`: skins, or else the outer faces of the tetrahedra; `colouring`: of COLOURINGS,
-    the range of which only grows."""
+    """A View of tetrahedral bodies. `lines`: the edges of the tetrahedra are drawn instead of surfaces. Particles, pins
+    and edges are drawn like those of a sheet. `skin`: skins, or else the outer faces of the tetrahedra; `colouring`: of
+    COLOURINGS, whose range only grows."""
 
     subject, colourings = "tetrahedra", COLOURINGS
     options = ("skin", "lines")
@@ -153,7 +153,7 @@ class TetrahedraView(SheetView):
     # ------------------------------------------------------------------ the frame
 
     def upload(self, position: np.ndarray, normal: np.ndarray | None = None) -> None:
-        """Send a state, and the surfaces that follow from the positions (particles, 3) [m]."""
+        """Send a state, and the surfaces computed from the positions (particles, 3) [m]."""
         self.vertices.upload_state(position, False)
         self._send(position)
 

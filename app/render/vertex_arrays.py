@@ -33,7 +33,8 @@ def refill(buffer: int, data: np.ndarray) -> None:
 
 
 def _array_of(sources: list[tuple[int, int, int]], elements: int | None = None) -> ctypes.c_uint:
-    """A vertex array of (place, buffer, numbers a vertex), float32; without `elements` a vertex is an instance."""
+    """Return a vertex array of (location, buffer, numbers per vertex), float32; without `elements` a vertex is an
+    instance."""
     from pyglet import gl
 
     array = gl.GLuint()
@@ -55,20 +56,22 @@ def _array_of(sources: list[tuple[int, int, int]], elements: int | None = None) 
 def vertex_array(
     position: int, elements: int, normal: int | None = None, dimensions: int = 3, colour: int | None = None
 ) -> ctypes.c_uint:
-    """A vertex array of (vertices, dimensions) float32 buffers, drawn in the order of the buffer `elements`; `colour`: of
-    each vertex (vertices, 3)."""
+    """Return a vertex array of (vertices, dimensions) float32 buffers, drawn in the order of the buffer `elements`;
+    `colour`: of each vertex (vertices, 3)."""
     normals = [] if normal is None else [(NORMAL, normal, dimensions)]
     appearances = [] if colour is None else [(APPEARANCE, colour, 3)]
     return _array_of([(POSITION, position, dimensions), *normals, *appearances], elements)
 
 
 def square_array(position: int, appearance: int, dimensions: int = 3) -> ctypes.c_uint:
-    """A vertex array of a square a vertex: (vertices, dimensions) positions, and colours and sizes (vertices, 4); float32."""
+    """Return a vertex array of one square per vertex: (vertices, dimensions) positions, and colours and sizes
+    (vertices, 4); float32."""
     return _array_of([(POSITION, position, dimensions), (APPEARANCE, appearance, 4)])
 
 
 def point_array(position: int, appearance: int, dimensions: int = 3) -> ctypes.c_uint:
-    """A vertex array of points: (vertices, dimensions) positions, and colours with alpha (vertices, 4); float32."""
+    """Return a vertex array of points: (vertices, dimensions) positions, and colours with alpha (vertices, 4);
+    float32."""
     from pyglet import gl
 
     array = square_array(position, appearance, dimensions)

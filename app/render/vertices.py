@@ -1,8 +1,7 @@
-"""Positions of masses in vertex buffers, and a cloth's normals, renewed for each frame.
+"""Positions of masses and normals of a cloth in vertex buffers, updated for each frame.
 
-The seam between simulation and drawing: a view draws from `position_buffer` and `normal_buffer`, and does not know how
-they were filled. `HostVertices` fills them from the host's memory; `CudaVertices` (app/render/cuda_vertices.py) lets a GPU
-backend write into them where it can.
+A view draws from `position_buffer` and `normal_buffer`, whoever filled them. `HostVertices` fills them from the host's
+memory; `CudaVertices` (app/render/cuda_vertices.py) lets a GPU backend write into them where it can.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ from softlab.model.scene.scene import Scene
 
 
 class HostVertices:
-    """Two vertex buffers of (particles, dimensions) float32, one copy each for a frame; normals in space alone. Needs a
+    """Two vertex buffers of (particles, dimensions) float32, one copy each per frame; normals only in space. Needs a
     current OpenGL 3.3 context.
 
     `transfer`: path of a state into the buffers, in words for the window.
@@ -56,8 +55,8 @@ class HostVertices:
             self.send(self.normal_buffer, simulation.read("normal", into=self._normal))
 
     def upload_state(self, position: np.ndarray, normals: bool = True, normal: np.ndarray | None = None) -> None:
-        """Upload positions (particles, dimensions) [m] that are not those of an open simulation, with unit normals if
-        known. Raises InputError for a wrong shape."""
+        """Upload positions (particles, dimensions) [m] without an open simulation, with unit normals if known. Raises
+        InputError for a wrong shape."""
         if position.shape != self._position.shape:
             raise InputError(f"position has shape {position.shape}, this scene needs {self._position.shape}")
         self.send(self.position_buffer, position)
@@ -69,8 +68,8 @@ class HostVertices:
 
     @staticmethod
     def send(buffer: int, array: np.ndarray, usage: int | None = None) -> None:
-        """Upload `array` into a new store of `buffer`: the driver need not wait until the last frame was drawn. `usage`
-        None: the host writes it every frame."""
+        """Upload `array` into a new store of `buffer`: the driver need not wait for the drawing of the last frame.
+        `usage` None: the host writes it every frame."""
         from pyglet import gl
 
         with np.errstate(over="ignore", invalid="ignore"):

@@ -1,8 +1,8 @@
 """Common part of every drawing of a scene: points and a ring; in space also smooth edges, light, colliders, and a
 ground with shadows. The window and the off-screen pictures both draw through it.
 
-A plane is drawn with the same shaders as space, seen without perspective (app/render/camera.py). It has no depth and
-nothing around it: what is drawn later lies on top, straight into the window, lines with edges that fade.
+A plane is drawn with the same shaders, without perspective (app/render/camera.py) and without depth: what is drawn
+later lies on top, directly in the window, and lines have fading edges.
 
 Plain OpenGL buffers are used for the masses instead of pyglet's vertex lists, whose element-wise interface takes tens
 of milliseconds for a large grid; here the upload is one copy of the float32 positions, or none if the GPU that computes
@@ -102,7 +102,7 @@ class View(ABC):
 
     @property
     def light(self) -> np.ndarray:
-        """(3,), the unit vector toward the light that throws shadows; in space."""
+        """Unit vector (3,) toward the light that casts shadows, in space."""
         return self._scenery.light
 
     def shine(self, light: np.ndarray) -> None:
@@ -116,11 +116,11 @@ class View(ABC):
         return [self._lit]
 
     def show_colliders(self, shown: bool) -> None:
-        """Draw them from now on, with their shadows, or not; planes, the ground, stay. In space."""
+        """Show or hide colliders and their shadows, except planes, in space."""
         self.colliders = self._scenery.shows_colliders = shown
 
     def upload(self, position: np.ndarray, normal: np.ndarray | None = None) -> None:
-        """Send positions (particles, dimensions) [m], with a cloth's normals where they are known; a C-contiguous float32
+        """Send positions (particles, dimensions) [m], with a cloth's normals if they are known; a C-contiguous float32
         array goes without a copy. Raises InputError."""
         self.vertices.upload_state(position, not self.lines, normal)
 
@@ -134,7 +134,7 @@ class View(ABC):
 
     @property
     def wants_velocity(self) -> bool:
-        """True if velocities are drawn, or what follows from them: speeds, foam."""
+        """True if the drawing needs velocities (for speeds or foam)."""
         return False
 
     def show_foam(self, points: FoamPoints) -> None:  # noqa: B027 - others have no foam
@@ -196,7 +196,7 @@ class View(ABC):
             self._target.finish()
 
     def _begin_space(self, camera: Camera, time: float) -> None:
-        """Draw what lies behind the masses."""
+        """Draw the background in space."""
         from pyglet import gl
 
         self._target.begin(camera.width, camera.height)
@@ -211,7 +211,7 @@ class View(ABC):
 
     @abstractmethod
     def _draw_solid(self, camera: Camera, strain_range: float) -> None:
-        """Draw what is opaque."""
+        """Draw opaque objects."""
 
     @abstractmethod
     def _draw_shadows(self, camera: Camera, time: float) -> None:
@@ -219,7 +219,7 @@ class View(ABC):
 
     @abstractmethod
     def _draw_over(self, camera: Camera, selected: int | None) -> None:
-        """Draw what is transparent, and marks."""
+        """Draw transparent objects and marks."""
 
     def _use_points(self, camera: Camera, array: c_uint) -> None:
         """Use the points of a vertex array from now on; `_style` sets their style."""
@@ -246,7 +246,8 @@ class View(ABC):
         program["square"], program["hollow"] = int(square), int(hollow)
 
     def _ring(self, selected: int) -> None:
-        """Draw a ring about the selected mass, visible in a fold and inside a body too; points are in use."""
+        """Draw a ring around the selected mass, visible in a fold and inside a body too; the program of points must be
+        in use."""
         from pyglet import gl
 
         gl.glDisable(gl.GL_DEPTH_TEST)
@@ -262,7 +263,7 @@ class View(ABC):
 
 
 def _blend() -> None:
-    """Blend everything that is drawn from now on with the picture, by its alpha."""
+    """Blend everything that is drawn from now on, by its alpha."""
     from pyglet import gl
 
     gl.glEnable(gl.GL_BLEND)

@@ -1,4 +1,4 @@
-"""Choice of the view and the camera of a scene: of a plane or of space, of a sheet, of bodies or of a world."""
+"""Choice of the view and the camera of a scene: for a plane or space, a sheet, bodies or a world."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""Draws a world into the current OpenGL context: each member by the view of its own kind, among the same colliders, in one
-light and on one ground; a fluid, through which the others are seen, last."""
+"""Draws a world into the current OpenGL context: each member by the view of its kind, with common colliders, light and
+ground. A fluid, which is transparent, comes last."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ class WorldView(View):
             part.pin(scene.members[name])
 
     def upload(self, position: np.ndarray, normal: np.ndarray | None = None) -> None:
-        """Send a state; each member's normals follow from its positions."""
+        """Send a state; each member computes its normals from its positions."""
         self.vertices.upload_state(position, False)
         for name, part in self.parts.items():
             part.upload(np.ascontiguousarray(position[self._slices[name]]))

@@ -1,4 +1,4 @@
-"""Compiling beside the window: a thread warms up the worlds, so that the window draws on and can be closed."""
+"""Background compilation: a thread warms up the worlds, so that the window keeps drawing and can be closed."""
 
 from __future__ import annotations
 
@@ -9,9 +9,10 @@ from softlab.app.window.steering import Steering
 
 
 class Compiling:
-    """Warms up the worlds of a demo. `update` at every frame; while it returns True no world may be asked for anything.
+    """Warms up the worlds of a demo. Call `update` at every frame; while it returns True, no world may be used.
 
-    Worlds on a GPU are warmed up within `update`: their streams and graphs belong to the thread that opened them.
+    Worlds on a GPU are warmed up within `update`, because their streams and graphs belong to the thread that opened
+    them.
     """
 
     def __init__(self, demo: Steering):
@@ -28,7 +29,7 @@ class Compiling:
 
     @property
     def running(self) -> bool:
-        """True while a thread is at work."""
+        """True while a thread is compiling."""
         return self._thread is not None and self._thread.is_alive()
 
     @property
@@ -37,7 +38,7 @@ class Compiling:
         return self._generation != self.demo.generation
 
     def update(self) -> bool:
-        """Begin the warm-up that is due. Returns True while it goes on. Raises its errors."""
+        """Start the warm-up if it is due. Returns True while it runs. Raises its errors."""
         if self.running:
             return True
         if self.due:

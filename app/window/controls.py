@@ -1,4 +1,4 @@
-"""Keys and mouse of the demo's window: which of them asks for what. In words: app/window/keys.py."""
+"""Keys and mouse of the demo's window, and the action of each. The descriptions are in app/window/keys.py."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ class Controls:
             self.demo.move_selection(*step, self.viewer.camera.direction(*step))
 
     def _drop_body(self) -> None:
-        """Drop a body over the pointer, or over the middle of the view if the pointer is elsewhere (D)."""
+        """Drop a body at the pointer, or at the middle of the view if the pointer is outside (D)."""
         viewer = self.viewer
         pane = viewer.panes[self.demo.current]
         place = pane.width / 2, pane.height / 2

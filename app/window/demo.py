@@ -1,8 +1,8 @@
-"""The interactive demo without a window: every key and drag is a method here, and can be tested as one.
+"""The interactive demo without a window: every key and drag is a method here, so that tests can call it.
 
-`Demo` owns a list of simulations (worlds) that run side by side. Gravity, step size and stiffness are changed in all of
-them or, once one was chosen, in that one alone; everything else applies to all. It never raises for what a user does:
-the reason goes to `message`, and the old state goes on.
+`Demo` owns a list of simulations (worlds) that run side by side. Gravity, step size and stiffness change in all of them
+or, if one was chosen, in that one; everything else applies to all. User actions never raise: the reason goes to
+`message`, and the old state continues.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ FACTOR = 1.25  # one press of [ ] { }
 
 
 class Demo(Steering):
-    """The running demo of one or more scenes: the keys and the mouse as methods. Raises what `open_simulation` raises, when
-    opening only; its public attributes are those of `Worlds`."""
+    """The running demo of one or more scenes: the keys and the mouse as methods. The constructor raises what
+    `open_simulation` raises; its public attributes are those of `Worlds`."""
 
     # ------------------------------------------------------------------ keys
 
@@ -88,7 +88,7 @@ class Demo(Steering):
         """Change Young's modulus (by 1.25), Poisson's ratio (its distance from 1/2 by 1.25) or the damping (by 2) of
         all bodies, down (-1) or up (+1): keys ( ) < > and, for tetrahedra, { }.
 
-        Constraints depend on the material, so that the worlds are opened anew.
+        Constraints depend on the material, so the worlds are reopened.
         """
         if self._blocked():
             return

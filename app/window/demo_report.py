@@ -34,7 +34,7 @@ def numbers_text(
     """Return three lines, the most important first: time and speed; settings and energy; backend and timings.
 
     `frame_seconds`, `draw_seconds`: of a frame, smoothed. `drawing_path`: how it is drawn, if there are several ways.
-    `brief`: without what the panel shows beside it.
+    `brief`: omits what the open panel shows.
     """
     if demo.compiling is not None:
         return (
@@ -135,8 +135,8 @@ def demo_state(demo: Demo, camera: Camera, pane: Pane, height: int) -> dict[str,
     """Return the state of the demo as plain JSON values.
 
     Most are of the current world, which is drawn in `pane` of a window `height` pixels high; `worlds` has the numbers
-    of each title. `masses`: for the corners, the middle and the selected mass, the place in the `window` (pixels from
-    its upper left corner) and the `position` [m]; `mean`, `low`, `high` [m] of all positions of active bodies;
+    of each title. `masses`: for the corners, the middle and the selected mass, the position in the `window` (pixels
+    from its upper left corner) and the `position` [m]; `mean`, `low`, `high` [m] of all positions of active bodies;
     `waiting`: number of inactive bodies.
     """
     world, position, poke = demo.world, demo.position, demo.picker.poke
@@ -195,6 +195,6 @@ def demo_state(demo: Demo, camera: Camera, pane: Pane, height: int) -> dict[str,
 
 
 def write_state(path: Path, state: dict[str, object]) -> None:
-    """Replace the JSON file `path` at once, so that a reader never sees half of it."""
+    """Replace the JSON file `path` atomically, so that a reader never sees a part of it."""
     with replacing(path) as temporary:
         temporary.write_text(json.dumps(state), encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Motion of the demo's camera with the scene, and the place above the scene where a body is dropped."""
+"""Motion of the demo's camera with the scene, and the position at which a body is dropped."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ FOLLOW_SIZE = 4.0  # times the scene: a state that blows up is to be seen blowin
 
 
 class Following:
-    """Moves the camera with a viewer's worlds, from their places at construction."""
+    """Moves the camera with a viewer's worlds, starting from their positions at construction."""
 
     def __init__(self, viewer: WindowProtocol):
         self.viewer, self.demo = viewer, viewer.demo
@@ -29,7 +29,7 @@ class Following:
         self._start = np.min([low for low, _ in ends], axis=0), np.max([high for _, high in ends], axis=0)
 
     def drop_place(self, x: float, y: float) -> tuple[float, float, float]:
-        """Return the place where D drops a body: above everything and over a place in the pane (frame-buffer pixels),
+        """Return the position where D drops a body: above everything, under a point of the pane (frame-buffer pixels),
         at the depth of the camera's target."""
         everything, camera = self._everything(), self.viewer.camera
         across, above, toward = camera.on_plane(x, y, camera.target)

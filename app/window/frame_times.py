@@ -1,4 +1,4 @@
-"""The graph of frame times in the window: what the last frames spent on physics and on drawing."""
+"""The graph of frame times in the window: the time of the last frames for physics and drawing."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Skips frames of an idle window: nothing moves in it, and there was no input for a while."""
+"""Skips the frames of an idle window, in which nothing moves and which had no input for a while."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ TOUCHES = (
 
 
 class IdleRedraw:
-    """Decides before each frame of a viewer's window, by `wanted(now)`, if it is drawn; `now` [s] of perf_counter."""
+    """Decides before each frame of a viewer's window, by `wanted(now)`, whether it is drawn; `now` [s] of
+    perf_counter."""
 
     def __init__(self, viewer: WindowProtocol):
         self.viewer, self.demo = viewer, viewer.demo

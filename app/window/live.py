@@ -1,4 +1,4 @@
-"""Fields of a scene that the demo can change while it runs, without opening it anew."""
+"""Fields of a scene that the demo can change while it runs, without reopening it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ def stiffness_paths(scene: Scene) -> dict[str, float]:
 
 
 def live_parts(scene: Scene) -> tuple[str, ...]:
-    """Return what the demo can change in this scene while it runs.
+    """Return the names of the fields that the demo can change in this scene while it runs.
 
     Gravity always; stiffness of elastic springs; pokes, except of bodies, which are pulled through their state
     (app/window/mouse_constraint.py); dampers and wind if the scene has them, since their code is compiled anyway.

@@ -40,8 +40,9 @@ def material_changes(scene: Scene, field: str, presses: int) -> dict[str, float]
 
 
 def material_at(scene: Scene, field: str, value: float) -> dict[str, float]:
-    """Return dotted path -> value of a `field` of every body if the first one's is to be `value`: the others change by
-    the same factor, or from and to 0 with it. For Poisson's ratio the factor is that of its distance from 1/2."""
+    """Return dotted path -> value of a `field` of every body that sets the first one's to `value`: the others change
+    by the same factor, and to or from 0 together with it. For Poisson's ratio the factor is that of its distance
+    from 1/2."""
     bodies = list(bodies_of(scene).items())
     first = getattr(bodies[0][1], field)
 

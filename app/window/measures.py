@@ -1,4 +1,5 @@
-"""The numbers that the demo shows about its worlds. They need the whole state on the host, so not in every frame."""
+"""The numbers that the demo shows about its worlds. They need the whole state on the host and are not computed in every
+frame."""
 
 from __future__ import annotations
 
@@ -27,11 +28,11 @@ RANGE_HYSTERESIS = 2.6  # times the wanted range of colours: a legend that flick
 class Statistics:
     """Numbers that are shown about a world.
 
-    Energy [J]; the strain of largest size, relative to the rest length (of fluids the largest density over that at
-    rest, less 1, NaN where there are many particles); the `momentum` [kg m/s] along each axis, if requested; of all
-    worlds the range of colours and the `bounds` [m], as `finite_bounds` returns them; `fastest` [m/s]: of a fluid's
-    particles; `faults`: what is incomplete so far, in a few words, of the tetrahedra and the lists of contacts alone,
-    which are quickly counted.
+    Energy [J]; the strain of largest size, relative to the rest length (of fluids the largest density over the rest
+    density, minus 1; NaN for many particles); the `momentum` [kg m/s] along each axis, if requested; of all worlds
+    the range of colours and the `bounds` [m], as `finite_bounds` returns them; `fastest` [m/s]: of a fluid's
+    particles; `faults`: what is incomplete so far, in a few words; only tetrahedra and lists of contacts, which are
+    fast to count.
     """
 
     energy: float = 0.0
@@ -79,8 +80,7 @@ def measure(
 def measure_picture(
     scenes: Sequence[Scene], current: int, positions: Sequence[np.ndarray], before: Statistics
 ) -> Statistics:
-    """Return `before` (with its energy) with strain and bounds of another picture: the one that is shown after
-    divergence."""
+    """Return `before` with the strain and bounds of another picture, the one that is shown after divergence."""
     strains = [drawn_strain(scene, position) for scene, position in zip(scenes, positions, strict=True)]
     active = [main_part(scene, position) for scene, position in zip(scenes, positions, strict=True)]
     wanted, bounds = max(map(strain_range, strains)), _bounds(active, before)

@@ -1,4 +1,4 @@
-"""The mouse over the demo's window: what it takes hold of, and how it moves the view.
+"""The mouse over the demo's window: dragging masses and moving the view.
 
 Coordinates are frame-buffer pixels from the lower left corner.
 """
@@ -20,7 +20,7 @@ ZOOM = 1.15  # per notch of the wheel
 
 class Mouse:
     """The left button drags a mass, or a body by one of its particles, in the plane parallel to the window through it.
-    Right and middle move the view; in space the middle button, and the left one beside the masses, rotate it.
+    Right and middle move the view; in space the middle button, and the left one on the background, rotate it.
     `pointer`: place of the left button on a mass, or None."""
 
     def __init__(self, viewer: WindowProtocol):
@@ -53,7 +53,7 @@ class Mouse:
         return np.where(self.demo.world.body.inverse_mass == 0, -1.0, radius)  # what waits is not there to be taken
 
     def pull(self) -> None:
-        """Update the pointer's place in the world, once a frame: the view may have moved under it."""
+        """Update the pointer's position in the world, once per frame, since the view may have moved."""
         if self.pointer is not None:
             self.demo.drag(*self._camera.on_plane(*self.pointer, self._taken))
 

@@ -1,8 +1,10 @@
-"""The hand on a body: a pull at one of its particles, which its neighbours share, as strong as the whole body needs.
+"""A pull by the mouse on a body: a force at one of its particles, spread over its neighbours, strong enough for the
+whole body.
 
-One particle of many cannot carry its body: at a stiffness of w^2 it would leave its place by M g / (m w^2), metres for the
-lab's jellies. So the force is spread about the particle, by mass and by (1 - d^2/reach^2)^2, and given as changes of
-velocity, through the state: no kernel knows of it, and any number of particles can share it.
+A force on one particle cannot carry its body: at a stiffness of w^2 the particle would be displaced by M g / (m w^2),
+metres for the jellies of the catalogue. So the force is spread around the particle, by mass and by (1 -
+d^2/radius^2)^2, and applied as a change of velocity through the state. The kernels are unchanged, and any number of
+particles can take part.
 """
 
 from __future__ import annotations
@@ -59,7 +61,7 @@ class MouseConstraint:
     ) -> np.ndarray:
         """Return the force (3,) [N] from the particle at `place` [m] to `target` [m].
 
-        It is critically damped for the body's mass, limited to a distance of the body's length, and balances its
+        It is critically damped for the body's mass, the distance counts at most as the body's length, and balances its
         weight; without a target it is half of that limit, along `direction`.
         """
         gain = self.stiffness(interval)

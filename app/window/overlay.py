@@ -23,8 +23,8 @@ TEXT_INTERVAL = 0.1  # s between two renewals of the numbers: faster cannot be r
 
 
 class Overlay:
-    """Text and marks over a Viewer's picture. `show_keys`, `show_numbers`, `show_graph`: which of them are there; `times` of
-    the last frames. Needs the window's OpenGL context."""
+    """Text and marks over a Viewer's picture. `show_keys`, `show_numbers`, `show_graph`: which of them are shown;
+    `times` of the last frames. Needs the window's OpenGL context."""
 
     def __init__(self, viewer: WindowProtocol):
         self.viewer, self.demo = viewer, viewer.demo

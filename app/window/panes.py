@@ -1,4 +1,4 @@
-"""Scenes side by side: which can be, what each is called, and where in the window it is drawn."""
+"""Scenes side by side: which can be combined, their titles, and their panes of the window."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The hand in the demo: which mass is selected, and the force it is poked with. No window in it."""
+"""The selected mass of the demo and the force of the poke on it. No window."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ NO_POKE: tuple[None, tuple[float, ...]] = (None, ())
 
 @dataclass(frozen=True)
 class Poke:
-    """A force on a particle: toward `target` [m], the pointer's place, or (None) along `direction` from the keyboard."""
+    """A force on a particle: toward `target` [m], the pointer's position, or (None) along `direction` from the
+    keyboard."""
 
     particle: int
     target: tuple[float, ...] | None
@@ -39,7 +40,7 @@ class Picker:
         self._constraint: MouseConstraint | None = None  # on a body
 
     def forget(self) -> None:
-        """Forget the applied poke, after the world was replaced or reset."""
+        """Discard the applied poke, after the world was replaced or reset."""
         self._applied, self._constraint = NO_POKE, None
 
     def _constraint_on(self, world: Simulation, particle: int) -> MouseConstraint:
@@ -48,9 +49,8 @@ class Picker:
         return self._constraint
 
     def move(self, columns: int, rows: int, world: Simulation, direction: tuple[float, ...]) -> int:
-        """Select the neighbour `columns` to the right and `rows` up; with nothing selected yet, the middle mass.
-
-        `direction`: of the next poke, the unit vector that the arrow key means.
+        """Select the neighbour `columns` to the right and `rows` up; the first time, the middle mass. `direction`: of
+        the next poke, the unit vector of the arrow key.
         """
         body = world.body
         self.direction = direction
@@ -74,7 +74,7 @@ class Picker:
         return particle
 
     def force(self, world: Simulation, position: np.ndarray, interval: float) -> tuple[float, ...]:
-        """Return the force [N] of the poke on the mass at its current place; 0 without a poke.
+        """Return the force [N] of the poke on the mass at its current position; 0 without a poke.
 
         `interval` [s]: simulated time for which the force stays constant.
         """
@@ -99,8 +99,8 @@ class Picker:
         return force if all(map(math.isfinite, force)) else nothing
 
     def push(self, world: Simulation, position: np.ndarray, interval: float) -> None:
-        """Apply the force of the poke to the world, or release it. Raises what `Simulation.poke` raises. A body is not
-        poked but pulled, see `pull`."""
+        """Apply the force of the poke to the world, or release it. Raises the errors of `Simulation.poke`. A body is
+        not poked but pulled, see `pull`."""
         if presentation_of(world.scene).grips:
             self._constraint = self._constraint if self.poke else None
             return
@@ -130,18 +130,18 @@ def neighbour(position: np.ndarray, candidates: np.ndarray, selected: int, direc
 
 
 def pointer_damping(mass: float, stiffness: float, interval: float) -> float:
-    """Damping [N s/m] of a pulled `mass` [kg] of a cloth: critical for the mass alone, but limited so that a force that is
-    `interval` [s] old takes at most half of its velocity."""
+    """Damping [N s/m] of a pulled `mass` [kg] of a cloth: critical for the mass alone, but limited so that a force kept
+    for `interval` [s] removes at most half of its velocity."""
     return min(2 * math.sqrt(stiffness * mass), 0.5 * mass / interval)
 
 
 def pointer_stiffness(world: Simulation, interval: float) -> float:
-    """Newtons per metre between mass and pointer.
+    """Return the stiffness [N/m] between mass and pointer.
 
-    One spring's stiffness: the force is renewed once a frame only, and a mass in a grid gives way by less than
-    force / stiffness, so it draws nearer to the pointer frame by frame without overshooting. A mass on no spring would
-    overshoot, so there the time for which the force is held sets the stiffness; of a cloth the smaller, since across the
-    sheet no spring holds a mass.
+    It is the stiffness of one spring: the force is updated once per frame, and a mass in a grid moves by less than
+    force / stiffness, so it approaches the pointer frame by frame without overshooting. A mass without springs would
+    overshoot, so there the interval between updates determines the stiffness. For a cloth it is the smaller of the two,
+    since no spring acts across the sheet.
     """
     scene = world.scene
     if scene.springs and scene.grid.spring_count:

@@ -1,4 +1,4 @@
-"""Worlds with a hand in them: selecting a mass with the mouse or the arrows, and pulling or poking it."""
+"""Worlds with mouse interaction: selecting a mass with the mouse or the arrows, and pulling or poking it."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ PULLED = "a mass was pulled"
 
 
 class Poking(Worlds):
-    """Worlds that can be selected, pulled and poked. Never raises for what a user does."""
+    """Worlds that can be selected, pulled and poked. User actions never raise."""
 
     def name(self, particle: int) -> str:
-        """Return `row, column` of a mass; of bodies the particle's number and its body; of a world the number in its
+        """Return `row, column` of a mass; for bodies the particle's number and its body; for a world the number in its
         member."""
         return presentation_of(self.world.scene).particle_name(self.world.scene, particle)
 

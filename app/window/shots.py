@@ -1,4 +1,4 @@
-"""Pictures and clips of what the demo's window shows, as files; a name that is taken gets a number."""
+"""Pictures and clips of the demo's window as files; a number is added if the file exists."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ def free_path(demo: Demo, suffix: str) -> Path:
 
 
 class Shots:
-    """`screenshot`: the last one; `recording`: whether frames go into a clip. `take(width, height)` after each frame, of the
-    lower left so many pixels of it."""
+    """`screenshot`: the last one; `recording`: True while frames go into a clip. Call `take(width, height)` after each
+    frame; it saves that many pixels from the lower left."""
 
     def __init__(self, demo: Demo):
         self.demo = demo
@@ -50,7 +50,7 @@ class Shots:
             self.end_clip()
 
     def take(self, width: int, height: int) -> None:
-        """Save what was asked for, of the frame that is there."""
+        """Save what was requested of the current frame."""
         if self._begins:
             self._begins = False
             self._begin(width & ~1, height & ~1)

@@ -1,4 +1,4 @@
-"""The demo's scene and state as files: the scene as it stands, with all that was changed, and where its masses are."""
+"""The demo's scene and state as files: the scene with all changes, and the positions of its masses."""
 
 from __future__ import annotations
 

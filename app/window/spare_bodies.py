@@ -1,4 +1,4 @@
-"""Bodies that the demo drops into its worlds and takes out of them again: which one is next, and where it begins."""
+"""Bodies that the demo adds to its worlds and removes: which copy is next, and where it starts."""
 
 from __future__ import annotations
 

@@ -1,8 +1,6 @@
-"""Steering of the demo's worlds: fields of scenes, and how they run. Keys (app/window/demo.py) and the panel
-(app/window/panel) both go through here.
-
-A live field changes while the world runs. Any other is compiled into a world, which is then opened anew, with its state
-if the masses are still the same.
+"""Settings of the demo's worlds: fields of scenes and options of the run, for keys (app/window/demo.py) and panel
+(app/window/panel). A live field changes during the run. Any other is compiled into a world, which is then reopened,
+with its state if the masses are still the same.
 """
 
 from __future__ import annotations
@@ -23,16 +21,16 @@ CHANGED = "a setting was changed while it ran"
 
 
 class Steering(Poking):
-    """Worlds whose settings can be changed. `generation`: number of times that the worlds were replaced, so that their
-    views are made anew; `rebuilt`: they were opened with fields other than those of `scenes`. Never raises for what a
-    user does."""
+    """Worlds whose settings can be changed. `generation`: number of times that the worlds were replaced, so that
+    their views are replaced; `rebuilt`: they were opened with fields other than those of `scenes`. User actions
+    never raise."""
 
     generation = 0
     rebuilt = False
 
     @property
     def changed(self) -> list[Simulation]:
-        """Worlds that a setting changes: all, or only the selected one."""
+        """Worlds that a setting applies to: all, or only the chosen one."""
         return [self.world] if self.alone else self.worlds
 
     @property
@@ -41,14 +39,14 @@ class Steering(Poking):
         return f"{self.titles[self.current]}: " if self.alone else ""
 
     def turn_to(self, number: int) -> None:
-        """Select and report another world from now on."""
+        """Make another world the current one, which is selected and reported."""
         if number != self.current:
             self.release()
             self.current, self.picker = number, Picker(self.scenes[number].dimensions)
             self.refresh(force=True)
 
     def choose(self, number: int | None) -> None:
-        """Change this world alone from now on, or (None) all."""
+        """Apply changes to this world only from now on, or (None) to all."""
         self.alone = number is not None
         self.turn_to(number or 0)
         self.say(f"keys change {self.titles[self.current] + ' only' if self.alone else 'all scenes'}")
@@ -60,7 +58,7 @@ class Steering(Poking):
         return any(path in LIVE_PATHS[name] for name in self.world.options.live)
 
     def set_field(self, path: str, value: object) -> bool:
-        """Set a field of the changed worlds that have its table, live or by opening them anew."""
+        """Set a field in the worlds that changes apply to and that have its table, live or by reopening them."""
         if self._blocked():
             return False
         part = path.partition(".")[0]
@@ -97,7 +95,7 @@ class Steering(Poking):
         return True
 
     def _change(self, wanted: Sequence[tuple[Simulation, Mapping[str, object]]]) -> bool:
-        """Set fields of worlds by their paths, or say why not and leave every world as it was."""
+        """Set fields of worlds by their paths; on an error, show the reason and change no world."""
         before = [(world, path, field_of(world, path)) for world, fields in wanted for path in fields]
 
         def change() -> None:
@@ -141,8 +139,8 @@ class Steering(Poking):
     def run_with(
         self, options: Mapping[str, str | None], backend: str | None = None, threads: str | None = None
     ) -> bool:
-        """Change `precision`, `math` or `kernel` in `options`, backend or number of threads, with the current state. Returns
-        True on success; else the reason becomes the message, and everything stays."""
+        """Change `precision`, `math` or `kernel` in `options`, backend or number of threads, and keep the state.
+        Returns True on success; otherwise the reason becomes the message, and nothing changes."""
         if self._blocked():
             return False
         before = self._options
@@ -181,7 +179,7 @@ class Steering(Poking):
         return True
 
     def show(self, scenes: Sequence[Scene], states: Sequence[State | None] | None = None) -> bool:
-        """Replace the scenes by others, from their start or from `states`. If that fails, the old ones go on."""
+        """Replace the scenes by others, from their start or from `states`. If that fails, the old ones continue."""
         fresh: list[Simulation] = []
         states = states or [None] * len(scenes)
 
@@ -217,7 +215,7 @@ class Steering(Poking):
         return not self._blocked() and self._guard(action)
 
     def goes_on_from(self, load: Callable[[], object], why: str) -> bool:
-        """Replace the states by `load`, after which no reference is valid, for the reason `why`. Returns True on
+        """Replace the states by `load`, after which no reference is valid, with the reason `why`. Returns True on
         success."""
         self.release()
         if not self.guarded(load):

@@ -27,8 +27,8 @@ class ViewOptions:
         self._subject = views[0].subject
 
     def renew(self, views: Sequence[View], before: Sequence[View], alike: bool = True) -> None:
-        """Take over new `views`, with the options of those `before` as far as they have them; for scenes that are not
-        `alike` only the light and the quality."""
+        """Use new `views`, with the options of those `before` that apply to them; for scenes that are not `alike` only
+        the light and the quality."""
         self._of(views)
         old = before[0]
         for view in views:
@@ -47,7 +47,7 @@ class ViewOptions:
 
     @staticmethod
     def _colour(view: View, colouring: str) -> None:
-        """Choose the next colouring until it is this one, at most once around."""
+        """Advance the colouring until it is this one, at most once around."""
         for _ in range(3):
             if view.colouring != colouring:
                 view.next_colouring()
@@ -60,12 +60,12 @@ class ViewOptions:
         self.demo.say(f"coloured by {colouring}")
 
     def toggle_colliders(self) -> None:
-        """Show or hide what masses collide with; the ground stays."""
+        """Show or hide the colliders; the ground stays."""
         for view in self.views:
             view.show_colliders(not view.colliders)
 
     def shine(self, azimuth: float, height: float) -> None:
-        """Set the direction to the light that throws shadows, in space: `azimuth` [rad] about the vertical, 0 at +z, and
+        """Set the direction to the light that casts shadows, in space: `azimuth` [rad] about the vertical, 0 at +z, and
         elevation `height` [rad]."""
         flat = cos(height)
         light = np.array([flat * sin(azimuth), sin(height), flat * cos(azimuth)])
@@ -91,7 +91,7 @@ class ViewOptions:
             self.demo.say(OF_PLANE)
 
     def toggle(self, name: str) -> None:
-        """Show or hide `particles`, `skin`, middles of `clusters`, or `links` of bodies, or the skin of tetrahedra (P,
+        """Show or hide `particles`, `skin`, centres of `clusters`, or `links` of bodies, or the skin of tetrahedra (P,
         K, C, I)."""
         if self._subject == "tetrahedra" and name == "skin":
             skins = [view.toggle_skin() for view in self.views if "skin" in view.options]

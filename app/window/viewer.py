@@ -1,6 +1,5 @@
-"""The interactive demo in a window. What the keys do is in app/window/demo.py; here is only how it is drawn and asked for.
-
-pyglet is imported inside functions: this module can be imported where there is no display.
+"""The interactive demo in a window. The actions of the keys are in app/window/demo.py; this module draws and receives
+events. pyglet is imported inside functions, so that the module can be imported without a display.
 """
 
 from __future__ import annotations
@@ -75,7 +74,7 @@ class Viewer:
         self.idle_redraw = IdleRedraw(self)
 
     def frame_everything(self) -> None:
-        """Show everything now, and follow it from now on (F)."""
+        """Show everything, and follow it from now on (F)."""
         self.demo.refresh(force=True)
         self.follow = True
         self.following.approach(1.0)
@@ -96,7 +95,7 @@ class Viewer:
         self.camera.width, self.camera.height = self.panes[0].width, self.panes[0].height
 
     def world_at(self, x: float, y: float) -> int:
-        """Return the number of the world that is drawn at a place in the window (frame-buffer pixels), or nearest to
+        """Return the number of the world that is drawn at a point of the window (frame-buffer pixels), or nearest to
         it."""
         return min(range(len(self.panes)), key=lambda number: self.panes[number].away(x, y))
 
@@ -144,8 +143,8 @@ class Viewer:
             self.close()
 
     def _renew(self) -> None:
-        """Make views of the new worlds, with the options of those before; for other scenes replace everything about
-        them."""
+        """Create views of the new worlds, with the options of the previous ones; for other scenes replace
+        everything."""
         demo, before = self.demo, self.views
         self._generation = demo.generation
         space, bodies = demo.world.scene.dimensions == 3, bool(demo.world.scene.bodies)
@@ -166,7 +165,7 @@ class Viewer:
 
     def _compile(self) -> bool:
         """Warm up new worlds. Returns True while this continues, which may take a minute; the window then shows their
-        start and the time so far."""
+        initial state and the time so far."""
         if self.compiling.due:
             self.demo.compiling = 0.0
             if len(self.demo.worlds) > 1:  # under the numbers, whose height is known once they are drawn
@@ -186,7 +185,8 @@ class Viewer:
         return going
 
     def _paint(self, upload: bool = True) -> float:
-        """Draw the worlds as they are, or with `upload` False as they were last; the seconds that it took."""
+        """Draw the worlds in their current state or, with `upload` False, the last one. Returns the seconds that it
+        took."""
         from pyglet import gl
 
         demo, start = self.demo, perf_counter()
@@ -244,7 +244,7 @@ class Viewer:
         )
 
     def _tick(self, passed: float) -> None:
-        """Draw a frame, if there is anything new, `passed` [s] after the last one."""
+        """Draw a frame if anything changed, `passed` [s] after the last one."""
         if self.compiling.running and perf_counter() < self._last_frame + COMPILING_INTERVAL:
             return  # a processor that draws compiles more slowly
         if self.frames is not None or self.idle_redraw.wanted(perf_counter()):
@@ -284,8 +284,8 @@ def run_demo(
 
     `state_file`: a JSON file, replaced every few frames, with the state of the demo for another program (its keys:
     `Viewer.state`). `judge`: (scene, state, None) -> (error, reason if there is none), for the panel. Raises SceneError
-    (scenes that cannot be side by side), BackendUnavailable (no display, no OpenGL, no GPU) and what opening a scene
-    raises.
+    (scenes that cannot be shown side by side), BackendUnavailable (no display, no OpenGL, no GPU) and what opening a
+    scene raises.
     """
     check_alike(scenes)
     load_pyglet(False)  # no display: say so before anything is compiled

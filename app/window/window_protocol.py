@@ -40,7 +40,7 @@ class Toggles(Protocol):
 
 
 class Taking(Protocol):
-    """Receiver of keys and mouse before the scene (app/window/panel/panel.py)."""
+    """Receives keys and mouse before the scene (app/window/panel/panel.py)."""
 
     open: bool
 
@@ -102,7 +102,7 @@ class WindowProtocol(Protocol):
 
 
 def panel_of(viewer: WindowProtocol) -> Panel:
-    """Return the panel of a window, or what stands for it: closed, and A says what to install."""
+    """Return the panel of a window, or a substitute for it: closed, and A says what to install."""
     try:
         panel: Panel = component(PANEL, "the panel")(viewer)
         return panel

@@ -1,5 +1,5 @@
-"""The worlds of the demo: opened, stepped frame by frame, read for the picture, and frozen when they diverge. What the
-user does to them is in app/window/demo.py.
+"""The worlds of the demo: opened, stepped frame by frame, read for the picture, and frozen when they diverge. User
+actions are in app/window/demo.py.
 """
 
 from __future__ import annotations
@@ -48,8 +48,8 @@ def _over_limit(world: Simulation) -> bool:
 
 
 class Worlds:
-    """One or more scenes that run side by side, stepped by `frame`. Raises what `open_simulation` raises, and SceneError for
-    scenes that cannot be side by side; when opening only.
+    """One or more scenes that run side by side, stepped by `frame`. The constructor raises what `open_simulation`
+    raises, and SceneError for scenes that cannot be shown side by side.
 
     Public: `worlds`, `positions` (one (particles, dimensions) float32 array a world: what is drawn; read from the worlds when
     they are asked for: large cloths on a GPU are drawn without them), `statistics`, `message`, `paused`, `frozen` (diverged,
@@ -103,7 +103,7 @@ class Worlds:
         self._start_anew()
 
     def _start_anew(self) -> None:
-        """Restart with worlds at their start, with as many masses as they may have now."""
+        """Restart the worlds from their initial states, with the number of masses that they may have now."""
         self._positions = [world.read("position").astype(np.float32) for world in self.worlds]
         self._moved = False  # since they were read
         self._watchable = [position.copy() for position in self._positions]
@@ -196,8 +196,8 @@ class Worlds:
     def _batches(self) -> int:
         """Return the number of batches into which a frame's steps are divided.
 
-        A cloth does not resist a pull across it, and little dampens it: with a force as old as a frame it would swing
-        up about the pointer. A body is heavier than its pulled part.
+        A cloth does not resist a pull across it and is hardly damped: with a force that is a frame old it would
+        oscillate around the pointer with growing amplitude. A body is heavier than its pulled part.
         """
         if self.picker.poke is None or self.world.scene.dimensions == 2:
             return 1
@@ -271,8 +271,8 @@ class Worlds:
             self.say(f"incomplete: {self.statistics.faults}; press R to restart")
 
     def _guard(self, action: Callable[[], object]) -> bool:
-        """Do `action`. On one of the lab's errors show its message (and freeze, if the state diverged). Returns True on
-        success."""
+        """Run `action`. On one of softlab's errors show its message (and freeze, if the state diverged). Returns True
+        on success."""
         try:
             action()
         except Diverged as error:

@@ -59,7 +59,7 @@ def where_of(cluster: str, workers: int | None, sbatch: Sequence[str] | None) ->
     for option in sbatch or ():
         name, is_, value = option.partition("=")
         if kind != "slurm" or not (is_ and re.fullmatch(r"[a-z][a-z-]*", name)):
-            raise SceneError("--sbatch", option, "must be NAME=VALUE, as partition=gpu, and goes with --cluster slurm")
+            raise SceneError("--sbatch", option, "must be NAME=VALUE, as partition=gpu, and needs --cluster slurm")
         options[name] = value
     return Where(kind, address, workers, options)
 
@@ -68,7 +68,7 @@ class Job(Protocol):
     """Started command of a worker."""
 
     def ended(self) -> str | None:
-        """Return None while it runs, else how it ended, in words, as far as the pool knows."""
+        """Return None while it runs, else a description of how it ended, as far as the pool knows."""
         ...
 
     def kill(self) -> None:

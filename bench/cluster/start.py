@@ -115,7 +115,7 @@ def _shared_references(store: Store, folder: Folder) -> Iterator[None]:
 
 
 def adopt(store: Store, base: Path, beat: float) -> list[str]:
-    """Merge what workers of a killed sweep left, once they have stopped; return the reasons of failures."""
+    """Merge the results that workers of a killed sweep left, once they have stopped; return the reasons of failures."""
     unmerged: list[str] = []
     for path in sorted(entry for entry in base.iterdir() if (entry / "status").is_dir()):
         folder = Folder(path)

@@ -1,9 +1,8 @@
 """An experiment on many machines: start, watch and restart workers, and merge their results as they arrive.
 
-The sweep's own process measures nothing. A lost worker leaves a store: it is merged, the worker's groups become free
-again, and the worker that takes one continues from what is in that store, so that nothing is lost or done twice. A
-group whose workers died `DEATHS` times is given up, and so is a slot whose workers died that often without having a
-group.
+The process of the sweep measures nothing itself. The store of a lost worker is merged and its groups become free; the
+worker that claims one continues it, so that nothing is lost or done twice. A group whose workers died `DEATHS` times is
+given up, and so is a slot whose workers died that often without a group.
 """
 
 from __future__ import annotations
@@ -31,10 +30,9 @@ STOP_SECONDS = 30.0  # time for workers to stop when told to
 
 @dataclass
 class Slot:
-    """A place for one worker at a time.
-
-    `name`: of the current worker; `job`: its job (None: there is none); `seen`: the last sign of life of a worker whose
-    job ended, and its time; `deaths`: of workers without a group; `stop_reason`: why no worker is started there any more.
+    """A slot for one worker at a time. `name`: name of the current worker; `job`: its job (None: there is none);
+    `seen`: last sign of life of a worker whose job ended, and its time; `deaths`: deaths of workers without a group;
+    `stop_reason`: why the slot starts no more workers.
     """
 
     number: int
@@ -108,7 +106,7 @@ class Sweep:
         return bool(plan) and plan <= self.done | {c for c, name in self.folder.claims().items() if name == ABANDONED}
 
     def _let_go(self) -> None:
-        """Cancel jobs that still wait for a place."""
+        """Cancel jobs that still wait for a slot."""
         for slot in self.slots:
             if slot.job is not None and self.folder.status(slot.name) is None:
                 slot.job.kill()
@@ -155,7 +153,7 @@ class Sweep:
             slot.job = None
             if self._orphaned() and not status.done:  # otherwise workers that find nothing would be started forever
                 self._count_death(
-                    slot, "no worker takes what is left: is there no such machine any more?", "came to nothing"
+                    slot, "no worker takes the remaining groups; is there no such machine any more?", "came to nothing"
                 )
         else:
             self._lost(slot, status.reason, status)
@@ -204,11 +202,11 @@ class Sweep:
     # ------------------------------------------------------------------ the end
 
     def _end(self) -> None:
-        """Stop the remaining workers, merge what all left, and remove the folder if everything is in the store."""
+        """Stop the remaining workers, merge all results, and remove the folder if everything is in the store."""
         with suppress(KeyboardInterrupt):  # a second Ctrl-C stops by force
             self._stop_workers()
         if not self.summary.interrupted and (left := self._left()):
-            self.summary.abandoned.append(f"{len(left)} groups, which no worker took: the same command resumes")
+            self.summary.abandoned.append(f"{len(left)} groups were not taken by any worker; the same command resumes")
         for slot in self.slots:
             if slot.job is not None:
                 _kill(self.folder.status(slot.name))
@@ -246,7 +244,7 @@ class Sweep:
         return not self.summary.interrupted and not any(status.machine for status in self.statuses.values())
 
     def _refuse(self) -> None:
-        """Raise the error that the workers reported, else one that says how they ended."""
+        """Raise the error that the workers reported, or else one that describes how they ended."""
         if self.refused is not None:
             error = InputError(self.refused.reason)
             error.exit_status = self.refused.exit_status

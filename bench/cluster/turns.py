@@ -30,7 +30,8 @@ def turns_folder() -> Path:
     folder = user_cache("turns")
     if folder is None:
         raise InputError(
-            "no lock can be made, under which a worker has its machine to itself: ~/.cache cannot be written; name another "
+            "no lock file can be created, which reserves the machine for one worker: ~/.cache cannot be "
+            "written; name another "
             "folder: export XDG_CACHE_HOME=FOLDER"
         )
     return folder

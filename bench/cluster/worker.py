@@ -151,7 +151,7 @@ class Claims:
             self.turn.end()
 
     def _take_over(self) -> None:
-        """Merge what lost workers had measured, so that it is not measured again."""
+        """Merge the measurements of lost workers, so that they are not repeated."""
         assert self._store is not None
         for name in self.folder.lost():
             if name not in self._taken_over:
@@ -159,7 +159,7 @@ class Claims:
                 merge(self._store, self.folder.store_of(name))
 
     def _hand_out(self) -> None:
-        """Export what this worker has measured since the last time, in a file of its own."""
+        """Export what this worker has measured since the last time, to a separate file."""
         assert self._store is not None
         self._handed += 1
         export(self._store, self.folder.out_of(self.status.name, self._handed), after=self._after)
@@ -191,7 +191,7 @@ def _measure(folder: Folder, order: Order, life: Life) -> None:
     """Run the experiment with the groups of this worker, and report the results in the status."""
     if code_digests() != order.version:
         raise BackendUnavailable(
-            f"host {life.status.host} has other sources of the lab than the sweep",
+            f"host {life.status.host} has another version of softlab than the sweep",
             "install the same version on every host",
         )
     backends = _backends(order)

@@ -145,7 +145,7 @@ def sway(scene: Scene, backend: str, layers: int, overlap: float) -> Measures:
 
 
 def tetrahedra(layers: int, solver: str, iterations: int, substeps: int, load: str) -> Scene:
-    """Return the bar of tetrahedra with so many voxels along it.
+    """Return the bar of tetrahedra with that many voxels along it.
 
     It hangs with a damper (SAG), has neither weight nor damper (FREQUENCY), or is fixed at its left side (ACROSS).
     """

@@ -90,9 +90,8 @@ def _timed(
 
 @dataclass(frozen=True)
 class Cost:
-    """A method with so many substeps: the time of a `frame` [s], and whether it is `suspect`.
-
-    `sag`, `frequency`: relative differences from a rod's, None where they were not measured.
+    """A method with that many substeps: the time of a `frame` [s], and whether it is `suspect`. `sag`, `frequency`:
+    relative differences from a rod's, None if not measured.
     """
 
     backend: str
@@ -137,7 +136,7 @@ def _percent(error: float | None) -> str:
 
 
 class BarCosts(Items):
-    """Measure what the results of the bar cost."""
+    """Measure the time of the methods of the bar."""
 
     name, command = "bar: costs", "bar"
     in_lab = True
@@ -147,7 +146,7 @@ class BarCosts(Items):
         "frame / ms": lambda cost: f"{1e3 * cost.frame:.3g}{'?' * cost.suspect}",
         "sag, % off": lambda cost: _percent(cost.sag), "frequency, % off": lambda cost: _percent(cost.frequency),
     }  # fmt: skip
-    note = "what the bar costs, and how far it is off a rod; ?: suspect"
+    note = "time of the bar, and its difference from a rod; ?: suspect"
 
     def rows(self, stored: Iterable[Measure], every: bool = False) -> list[Cost]:
         return costs(stored)

@@ -166,8 +166,8 @@ def changed(scene: Scene, change: Change) -> State:
 
 
 def out_of_shape(scene: Scene, position: np.ndarray) -> float:
-    """Return the largest distance [m] of a particle from its place in its body, each body in its best-fit rotation (det
-    +1).
+    """Return the largest distance [m] of a particle from its position in its body, each body in its best-fit rotation
+    (det +1).
     """
     worst = 0.0
     for body in range(len(scene.body_set.copies)):

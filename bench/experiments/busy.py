@@ -142,7 +142,7 @@ def points(stored: Iterable[Measure]) -> list[BusyPoint]:
 
 
 class Busy(Items):
-    """Measure what another program on the machine costs CPU threads."""
+    """Measure how much another program on the machine slows down CPU threads."""
 
     name = command = FINDING
     doing = f"{FINDING}: "

@@ -96,7 +96,7 @@ def against_reference(simulation: Simulation) -> Check:
         trial = opened(simulation.kernel)
     except SceneError:
         trial = opened(None)
-        note += f"; by kernel {trial.kernel}, since {simulation.kernel} does not take that size"
+        note += f"; by kernel {trial.kernel}, since {simulation.kernel} does not support that size"
     with trial:
         try:
             trial.advance(steps)

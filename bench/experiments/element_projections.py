@@ -61,7 +61,7 @@ def bar(count: int, sweep: str, material: str) -> Scene:
 
 
 def count_of(scene: Scene) -> int:
-    """Return the number of tetrahedra of such a bar."""
+    """Return the number of tetrahedra of this bar."""
     sides, edge = scene.tetrahedra["bar"].shape.sides, scene.tetrahedra["bar"].edge  # type: ignore[union-attr]
     return PER_VOXEL * int(np.prod(np.round(np.array(sides) / edge)))
 

@@ -136,8 +136,8 @@ def _measured(run: Run, seconds: float) -> Measures:
 
 
 def settings(quick: bool) -> Iterator[tuple[Setting, float]]:
-    """Yield what is watched, with the seconds: the first spacing without viscosity, then all others, those that take least
-    first; `quick`: only the former, shorter."""
+    """Yield the settings with their duration [s]: the first spacing without viscosity, then all others, fastest first;
+    `quick`: only the former, shorter."""
     every = [(spacing, viscosity) for spacing in SPACINGS for viscosity in VISCOSITIES]
     others = sorted(every[1:], key=lambda one: -one[0])
     for spacing, viscosity in every[:1] if quick else [*every[:1], *others]:
@@ -177,8 +177,8 @@ def experiments(store: Store, backends: Sequence[str], quick: bool, peers: bool 
 
 @dataclass(frozen=True)
 class Still:
-    """One setting: `who`: a scheme, or the peer's label; `energy`, `speed`: the largest in a span, by its end [s], over g H
-    and sqrt(g H); `note`: the peer's version, or why there is nothing."""
+    """One setting: `who`: a scheme, or the peer's label; `energy`, `speed`: the maximum in each span, by its end [s],
+    over g H and sqrt(g H); `note`: the peer's version, or why there is no result."""
 
     kind: str
     machine: str

@@ -28,7 +28,7 @@ from softlab.model.core.simulation import Simulation
 
 
 class Closable(Protocol):
-    """Whatever was opened."""
+    """A resource that was opened."""
 
     def close(self) -> None: ...
 
@@ -113,11 +113,11 @@ class GroupRunner:
         return simulation
 
     def _enter(self, case: Case, stack: ExitStack) -> Simulation:
-        """The simulation of a case, closed with the stack."""
+        """Simulation of a case, closed with the stack."""
         return stack.enter_context(case.open())
 
     def _variant(self, case: Case, simulation: Simulation) -> Kind:
-        """Return the key of simulations that share machine code."""
+        """Return the key of simulations that use the same machine code."""
         return (case.backend, case.precision, simulation.kernel)
 
     def _reason(self, case: Case, error: BaseException) -> str:
@@ -161,7 +161,7 @@ class GroupRunner:
         return warnings
 
     def _other_check(self, case: Case, simulation: Simulation, simulations: dict[Kind, Simulation]) -> Check | str:
-        """The check against the other backend at the same size, or the reason why there is none."""
+        """Check against the other backend at the same size, or the reason why there is none."""
         name = "gpu" if case.backend == "cpu" else "cpu"
         if name not in self.backends:
             available, text = gpu_or_reason()
@@ -234,7 +234,7 @@ class GroupRunner:
         self._store(case, {DRAWN_BY: (None, "", f"{who}, {PICTURE[0]} x {PICTURE[1]} pixels, {path}")})
 
     def _renderer(self, case: Case, stack: ExitStack) -> Renderer | str:
-        """One renderer for the group (two off-screen contexts do not live together), or the reason why there is none."""
+        """Renderer of the group (two off-screen contexts cannot coexist), or the reason why there is none."""
         try:
             from softlab.app.output.offscreen import OffscreenRenderer
 

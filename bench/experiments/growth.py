@@ -39,12 +39,12 @@ class Growth:
 
     @property
     def factor(self) -> float:
-        """The growth factor at the end."""
+        """Growth factor at the end."""
         return float(self.factors[-1])
 
     @property
     def chaotic(self) -> bool:
-        """True if the error of a trajectory is to be refused at the end (also where the twins are no longer finite)."""
+        """True if the motion is chaotic, so that no error is given (also if the twins are no longer finite)."""
         return not self.factor <= MAX_GROWTH
 
     def safe_time(self) -> float | None:

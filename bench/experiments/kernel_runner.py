@@ -105,7 +105,9 @@ class KernelRunner(GroupRunner):
     ) -> Check | str:
         """Compare a few steps from a displaced state with the first kernel of this size and precision."""
         if case.particles > MAX_CHECKED and case.precision != "float32":
-            return "at this size only float32 is held against another kernel: a state takes seconds to load and compare"
+            return (
+                "at this size only float32 is compared with another kernel: loading and comparing a state takes seconds"
+            )
         witness = witnesses.get(case.precision)
         state = witness[1] if witness else displaced(simulation)
         simulation.load(state)
@@ -114,7 +116,7 @@ class KernelRunner(GroupRunner):
         if witness is None:
             name = f"{simulation.backend} {simulation.kernel}"
             witnesses[case.precision] = (name, state, simulation.read("position"))
-            return "the other kernels of this size are held against this one"
+            return "the other kernels of this size are compared with this one"
         note = f"own size, {FULL_SIZE_STEPS} steps, against {witness[0]}, {case.precision}"
         return compare(simulation, witness[2], note)
 
@@ -158,7 +160,7 @@ class KernelRunner(GroupRunner):
         if counter is None or self.store.sample_count(case.description, self.summary.machine, case.sources, STAGE):
             return
         self.report(f"{case}: joules")
-        run, reason = self.summary.run, "the counter moved too rarely, or a step takes too long, for a second"
+        run, reason = self.summary.run, "the counter advanced too rarely, or a step takes too long"
         measured = None
         try:
             measured = measure_energy(subject, counter, self.effort.energy_seconds)

@@ -43,7 +43,7 @@ def kernels_of(backend: str) -> tuple[str, ...]:
         names = getattr(import_module(f"softlab.{backend}_backend.mass_spring.grid.{module}"), "KERNELS", None)
         if names:
             return tuple(names)
-    raise LookupError(f"the {backend} backend names no kernels")
+    raise LookupError(f"the {backend} backend has no list of kernels")
 
 
 def kernel_cases(

@@ -169,7 +169,7 @@ class Projections(Rates):
         """
         for size in sizes:
             if size < 2:
-                raise SceneError("--size", size, "must be at least 2: a sheet without springs has nothing to project")
+                raise SceneError("--size", size, "must be at least 2: a sheet of one mass has no springs to project")
             if size > MOST:
                 raise SceneError("--size", size, f"must be at most {MOST}")
         all_groups = []

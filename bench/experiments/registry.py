@@ -1,4 +1,4 @@
-"""Every declared experiment, by the command that measures it; nothing is imported before it is asked for."""
+"""Every declared experiment, by the command that measures it; modules are imported on first use."""
 
 from __future__ import annotations
 

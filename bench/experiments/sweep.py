@@ -168,7 +168,7 @@ def run_sweep(
 
 
 class Sweep:
-    """State of a sweep whose grids the runner measures: known costs, and the time that is left.
+    """State of a sweep: known costs, and the remaining time. The runner measures its grids.
 
     `whole`: a grid is measured anew if any of its cases is missing.
     """
@@ -186,7 +186,7 @@ class Sweep:
             self.costs[kind] = (timing.particles, timing.median, 0.0)
 
     def run(self, grids: Sequence[Sequence[Case]], progress: bool, command: str) -> SweepSummary:
-        """Measure what the store lacks of the grids, one after another."""
+        """Measure the grids that the store lacks, one after another."""
         return resume(
             self.store, self.summary, grids, lambda case: self._missing(case) <= 0, self._measure,
             progress=progress, command=command, worth=self._weight, whole=self.whole,
@@ -233,7 +233,7 @@ class Sweep:
         return (self._missing(case) + 2) * (sample + restore * ratio)
 
     def _affordable(self, cases: Sequence[Case]) -> list[Case]:
-        """Return the cases that may be started; record the others as skipped."""
+        """Return the cases that fit into time and memory; record the others as skipped."""
         affordable = []
         effort = self.effort
         spent = time.perf_counter() - self.summary.begin

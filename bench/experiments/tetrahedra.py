@@ -85,7 +85,7 @@ STILL, FRAMES = 1e-5, 1200  # relative change of the sag in a tenth of a period;
 
 
 class TooLong(Exception):
-    """The run would take that many seconds."""
+    """The run would take too many seconds."""
 
     def __init__(self, seconds: float, most: float):
         super().__init__(f"would take {seconds:.0f} s, over {most:g} s")

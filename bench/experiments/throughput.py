@@ -30,7 +30,7 @@ CONTACT = {"sweeps": 3, "separation_speed": 3.0, "maximum_speed": 4.0}  # two fi
 
 
 def bodies(count: int, rigid: bool) -> Scene:
-    """Return that many blobs in a block, which fall without contacts."""
+    """Return that many blobs in a block, falling without contacts."""
     nx, ny, nz = BLOCKS[count]
     body = BLOB | {"kind": "rigid_body" if rigid else "soft_body", "copies": [nx, ny, nz], "apart": [1.0, 1.2, 1.1]}
     return Scene({"blob": body, "gravity": {}, "method": {"solver": "shape-matching", "dt": 0.01}}, f"{count} bodies")

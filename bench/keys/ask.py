@@ -1,4 +1,4 @@
-"""Ask a process of its own for the kernel keys of configurations, under the code of this checkout or of any other."""
+"""Asks a separate process for the kernel keys of configurations, under the code of this checkout or of another."""
 
 from __future__ import annotations
 
@@ -16,9 +16,8 @@ Key = tuple[str, str]  # of kernels, of arrays
 
 
 def keys_at(folder: Path, descriptions: Descriptions, compared: str = "kernels") -> dict[str, Key]:
-    """The keys of configurations under the code in a folder; those that it cannot open are left out.
-
-    `compared`: "kernels", or "code" for keys of their machine code. Configurations that are opened alike are opened once.
+    """Return the keys of configurations under the code in a folder, without those that it cannot open. `compared`:
+    "kernels", or "code" for keys of their machine code. Configurations with the same simulation are opened once.
     """
     names: dict[str, list[str]] = {}
     for name, d in descriptions.items():
@@ -41,7 +40,5 @@ def keys_at(folder: Path, descriptions: Descriptions, compared: str = "kernels")
     answers = [json.loads(line) for line in done.stdout.splitlines()]
     keys = {name: (kernels, arrays) for first, kernels, arrays, _ in answers if kernels for name in same_as[first]}
     if answers and not keys:
-        raise RuntimeError(
-            f"{folder}: no configuration can be opened with this code, the first because of {answers[0][3]}"
-        )
+        raise RuntimeError(f"{folder}: no configuration can be opened with this code; the first error: {answers[0][3]}")
     return keys

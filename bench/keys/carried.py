@@ -53,7 +53,7 @@ class Carried:
 
 
 def read_map(path: Path = MAP) -> Carried:
-    """Read the map beside the data; an empty one where there is none."""
+    """Read the map stored with the data; an empty one if there is none."""
     if not path.is_file():
         return Carried()
     data = json.loads(path.read_text(encoding="utf-8"))
@@ -66,7 +66,8 @@ def read_map(path: Path = MAP) -> Carried:
 
 @cache
 def proved() -> frozenset[tuple[str, str]]:
-    """(sources, configuration) of the committed measurements whose kernels are those of the code as it is now."""
+    """Return (sources, configuration) of the committed measurements whose kernels are those of the code as it is
+    now."""
     carried = read_map()
     current = {backend for backend in BACKENDS if carried.as_of.get(backend) == digest_of(backend)}
     return frozenset(

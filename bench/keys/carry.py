@@ -150,7 +150,8 @@ def maps(store: Store, code: bool) -> Iterator[tuple[Carried, str]]:
 
 
 def checked(known: Carried, store: Store) -> Carried:
-    """Return the groups of a map whose first configuration has the map's key under the current code."""
+    """Return the groups of a map that are still valid: their first configuration has the map's key under the current
+    code."""
     descriptions = {
         name: description for configurations in measured(store).values() for name, description in configurations.items()
     }

@@ -1,8 +1,8 @@
 """Keys of measured configurations in the store: entered when they are measured, found again when the code has changed.
 
-A measure `kernel_key` of a configuration holds, as its reason, the keys of its kernels and arrays and the version of what
-measured it (bench/keys/versions.py). Where the text of the sources changes but not this key, a measure `same_kernels` says
-under which other sources the configuration counts as measured.
+A measure `kernel_key` of a configuration holds, as its reason, the keys of its kernels and arrays and the version of
+the measuring code (bench/keys/versions.py). Where the text of the sources changes but not this key, a measure
+`same_kernels` says under which other sources the configuration counts as measured.
 """
 
 from __future__ import annotations

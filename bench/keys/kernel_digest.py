@@ -1,4 +1,5 @@
-"""Kernel digests: a hash of what a compiled function computes, whatever its names and whichever Python runs.
+"""Kernel digests: a hash of the computation of a compiled function, independent of names and of the version of
+Python.
 
 Measurements are keyed by it (bench/keys/enter.py). Machine code is not: two kernels of one digest may have other symbols, so
 the cache of machine code uses `content_digest`. Nothing here imports the lab, so that the same file can be loaded beside the
@@ -75,7 +76,7 @@ class KernelDigests:
         return _hash(self.describe(kernel))
 
     def describe(self, value: object) -> str:
-        """The text that stands for a value: its content, never its name."""
+        """Return the text for a value: its content, never its name."""
         if isinstance(value, float):
             return f"float {value.hex()}"
         if value is None or value is Ellipsis or isinstance(value, bool | int | str | bytes | complex):

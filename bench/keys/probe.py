@@ -32,7 +32,7 @@ def load_tools() -> None:
 
 
 def lab(module: str) -> ModuleType:
-    """A module of the checkout's lab, whose layers were top-level packages once."""
+    """A module of a checkout, whose layers may be top-level packages."""
     packed = (Path(sys.path[0]) / "softlab" / "__init__.py").is_file()
     return importlib.import_module(f"softlab.{module}" if packed else module)
 
@@ -55,7 +55,7 @@ def recorded_calls(description: dict[str, Any]) -> list[Any]:
 
 
 def key(description: dict[str, Any], digests: Any) -> tuple[str, str]:
-    """(key of the kernels, key of the arrays) of a configuration."""
+    """Return (key of the kernels, key of the arrays) of a configuration."""
     from softlab.bench.keys.record import array_hash, arrays_of, combined
 
     calls = recorded_calls(description)
@@ -94,7 +94,7 @@ def main(checkout: str, compared: str = "kernels") -> None:
                     reply = [name, machine_code_key(recorded_calls(description)), None, None]
                 else:
                     reply = [name, *key(description, digests), None]
-        except Exception as error:  # whatever old code raises for a scene that it does not know
+        except Exception as error:  # whatever old code raises for a scene that it does not support
             reply = [name, None, None, f"{type(error).__name__}: {error}"[:300]]
         print(json.dumps(reply), flush=True)
 

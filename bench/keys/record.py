@@ -35,7 +35,7 @@ class Launch:
 def recorded() -> Iterator[list[Launch]]:
     """Record the calls of compiled CPU functions and the launches of CUDA kernels inside, without running them.
 
-    Calls that build what a simulation starts from are run and not recorded: their results are among the arrays.
+    Calls that build the initial state of a simulation are run and not recorded: their results are among the arrays.
     """
     from numba.core.registry import CPUDispatcher
 
@@ -79,8 +79,8 @@ def arrays_of(calls: list[Launch]) -> Iterator[np.ndarray | np.void]:
 
 
 def array_hash(array: np.ndarray | np.void) -> str | None:
-    """A hash of an array's numbers in their order, or of a record's values but zeros in any order (fields have names alone);
-    None for an array of a single value, such as scratch memory."""
+    """Return a hash of an array's numbers in their order, or of a record's nonzero values in any order (only names
+    identify fields); None for an array of a single value, such as scratch memory."""
     names = array.dtype.names
     if names is not None:
         unread = MANUFACTURED if set(MANUFACTURED) <= set(names) else ()

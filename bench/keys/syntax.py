@@ -30,7 +30,7 @@ def parameters_of(arguments: ast.arguments) -> tuple[list[str], list[str]]:
 
 
 def positions_of(code: types.CodeType) -> dict[str, int]:
-    """The place of each parameter of a function, by name."""
+    """Return the position of each parameter of a function, by name."""
     return {name: k for k, name in enumerate(code.co_varnames[: code.co_argcount + code.co_kwonlyargcount])}
 
 
@@ -100,7 +100,8 @@ class _Writer:
         return value if isinstance(value, SCALARS) else UNKNOWN
 
     def _bool(self, node: ast.BoolOp) -> Any:
-        """Value of an `and` or `or` that one operand decides, or whose operands are all known; else UNKNOWN."""
+        """Return the value of an `and` or `or` that one operand decides, or whose operands are all known; else
+        UNKNOWN."""
         values = [self._scalar(value) for value in node.values]
         decides = isinstance(node.op, ast.Or)
         if any(value is decides for value in values):
@@ -188,7 +189,7 @@ class _Writer:
         return f"{type(node.op).__name__}({','.join(map(self.expression, left))})"
 
     def call(self, node: ast.Call) -> str:
-        """Text of a call; keywords by the place of the parameter where the function is known, else by name."""
+        """Return the text of a call; keywords by position of the parameter if the function is known, else by name."""
         function = self.value(node.func)
         code = getattr(getattr(function, "py_func", function), "__code__", None)
         places = positions_of(code) if isinstance(code, types.CodeType) else {}
@@ -197,7 +198,7 @@ class _Writer:
         return f"{self.expression(node.func)}({','.join([*positional, *named])})"
 
     def comprehension(self, node: Any) -> str:
-        """Text of a comprehension, whose targets are its own names."""
+        """Return the text of a comprehension, whose targets are local names."""
         self._scopes.append({n for one in node.generators for n in _bound(one.target)})
         self._numbers.append({})
         loops = ",".join(
@@ -237,7 +238,7 @@ class _Writer:
 
 
 def _is_namespace(value: object) -> bool:
-    """True for what holds functions or constants by name: a module, a SimpleNamespace, a NamedTuple."""
+    """Return True for objects that hold functions or constants by name: a module, a SimpleNamespace, a NamedTuple."""
     return isinstance(value, types.ModuleType | types.SimpleNamespace) or hasattr(type(value), "_fields")
 
 

@@ -1,7 +1,7 @@
-"""Versions of the code that measures and judges, raised by hand: what its kernels do not determine.
+"""Versions of the code that measures and evaluates, which kernel keys do not cover; they are raised by hand.
 
-Raise an experiment's number in the commit that changes what its samples or numbers mean, and no other: its measurements are
-older from then on. A refactoring of the measuring code raises none.
+Raise an experiment's number in a commit that changes the meaning of its samples or numbers, and only then; its earlier
+measurements count as older from then on. A refactoring raises none.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Timing cases, a scene on a backend each, into the store: checked states, groups in turn, resumable; see
+"""Timing of cases, each a scene on a backend, into the store: checked states, groups in turn, resumable; see
 bench/measure/timing.py."""
 
 from __future__ import annotations
@@ -33,7 +33,8 @@ FINDINGS = "findings"  # stage of the samples behind findings
 
 @dataclass(frozen=True)
 class Case:
-    """One configuration, and the description and source hash by which the store knows it. `label`: what a user reads."""
+    """One configuration, and the description and source hash by which the store knows it. `label`: its text for
+    users."""
 
     scene: Scene
     backend: str
@@ -182,8 +183,8 @@ class Rates(Experiment[Case, Row]):
         return {}
 
     def numbers(self, scene: Scene, step: float, kernel: str, mark: str | None = None) -> Measures:
-        """The measures of a case whose step took so many seconds, with the `mark` of a wrong or incomplete state; the rate
-        last: then all is there."""
+        """Return the measures of a case whose step took `seconds`, with the `mark` of a wrong or incomplete state; the
+        rate comes last and marks the case as complete."""
         words = {self.kernel: kernel} | {name: word(scene) for name, word in self.words.items()}
         return {
             self.step: (step, "s", "; ".join(filter(None, ("the median", mark)))),

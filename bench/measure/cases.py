@@ -21,9 +21,9 @@ Costs = dict[Kind, tuple[int, float, float]]  # kind of case -> (particles, seco
 
 @dataclass(frozen=True)
 class Effort:
-    """`repeats` samples of `min_seconds` [s] each; `max_seconds`: the most for one configuration; `total_seconds`:
-    of the sweep; `energy_seconds`: of stepping beside an energy counter, 0 for none; `again`: turns more for what other
-    programs disturbed."""
+    """`repeats` samples of `min_seconds` [s] each; `max_seconds`: limit for one configuration; `total_seconds`: limit
+    for the sweep; `energy_seconds`: duration of an energy measurement, 0 for none; `again`: additional turns for
+    disturbed samples."""
 
     repeats: int
     min_seconds: float
@@ -33,7 +33,7 @@ class Effort:
     again: int = 0
 
     def repeats_of(self, case: Case) -> int:
-        """The samples that a case is worth."""
+        """Return the number of samples of a case."""
         return min(self.repeats, case.most_repeats or self.repeats)
 
 
@@ -51,9 +51,9 @@ class SweepSummary(Summary):
 
 @dataclass(frozen=True)
 class Case:
-    """One configuration to time. `word`, `threads`: 1x and what it means here, None on the GPU; `sources`: the hash of
-    what is measured; `description`: the configuration as the store names it; `kernel`: a forced one, None for the
-    backend's choice; `most_repeats`: fewer samples than the sweep's, of slow kernels; `energy`: joules are asked for, too."""
+    """One configuration to time. `word`, `threads`: 1x and the number it means here, None on the GPU; `sources`: hash
+    of the measured code; `description`: configuration as in the store; `kernel`: a forced one, None for the backend's
+    choice; `most_repeats`: limit of samples for slow kernels; `energy`: joules are measured, too."""
 
     scene: Scene
     backend: str
@@ -92,9 +92,8 @@ class Case:
 
     @property
     def host_bytes(self) -> int:
-        """Main memory that its simulation takes, roughly: the body and what loading a state copies, and the state.
-
-        Forced kernels are opened many at a time and share one body: of them, what each keeps for itself.
+        """Return the approximate main memory of its simulation: the body, the copies made when a state is loaded, and
+        the state. Many forced kernels are open at once and use one body; for them, the memory of each alone.
         """
         if self.kernel is not None:
             return self.particles * (8 + (16 * ITEM_BYTES[self.precision] if self.backend == "cpu" else 0))

@@ -1,7 +1,8 @@
-"""Making what many cases need before the first is measured, on several processes at once: kernels, converged references.
+"""Compiles the kernels and computes the converged references of many cases in several processes, before the first is
+measured.
 
-Kernels are kept on disk by their content (model/base/kernel_cache.py), references beside the store, so that the process that
-measures only loads what others made. One after another, this is most of a first `softlab lab --quick`.
+Kernels are cached on disk by their content (model/base/kernel_cache.py), references beside the store, so that the
+process that measures only loads them. Done serially, this is most of a first `softlab lab --quick`.
 """
 
 from __future__ import annotations
@@ -62,7 +63,7 @@ class _Nothing(Alone):
 def gathering(progress: bool) -> Iterator[None]:
     """Let experiments inside this context measure nothing; at its end one pool of processes makes what they lack.
 
-    A pool for each experiment would import numba and CUDA anew in every process, and wait for its slowest kernel.
+    A pool for each experiment would import numba and CUDA again in every process, and wait for its slowest kernel.
     """
     _gathered.append([])
     try:
@@ -107,7 +108,7 @@ def compile_case(case: Openable) -> None:
 
 
 def compilations(cases: Iterable[object]) -> Iterator[Job]:
-    """Yield the compilation of each case; not of cases that are too large to be opened for nothing else."""
+    """Yield the compilation of each case; not for cases that are too large to be opened only for this."""
     for case in cases:
         ours = getattr(case, "peer", None) is None
         if ours and isinstance(case, Openable) and case.scene.grid.particle_count <= MAX_PARTICLES:

@@ -21,7 +21,8 @@ Measures = dict[str, tuple[float | None, str, str | None]]  # name -> value, uni
 
 @dataclass(frozen=True)
 class Effort:
-    """`repeats` samples of `seconds` [s] each; `most`: of one sample [s], as far as its least number of steps allows."""
+    """`repeats` samples of `seconds` [s] each; `most`: limit of one sample [s], as far as its minimum number of steps
+    allows."""
 
     repeats: int
     seconds: float
@@ -33,7 +34,7 @@ QUICK, FULL = Effort(3, 0.02, 0.5), Effort(9, 0.2, 3.0)
 
 @dataclass(frozen=True)
 class Variant:
-    """One variant of the steps: its description, and the hash of what it depends on."""
+    """One variant of the steps: its description, and the hash of the code that it depends on."""
 
     description: Description
     sources: str
@@ -55,7 +56,7 @@ class Record:
 def in_turn(record: Record, subjects: Sequence[Subject], repeats: int) -> list[Measures]:
     """Sample the subjects A B C A B C ..., whose names are their descriptions, and return the costs relative to the first.
 
-    A ratio is of two samples that were taken one after the other: the median over the repeats, the least and the most.
+    A ratio compares two consecutive samples: median, minimum and maximum over the repeats.
     """
     sampled = in_turns(record.store, record.run, STAGE, subjects, repeats, record.variant)
     taken = {id(subject): samples for subject, samples in sampled}

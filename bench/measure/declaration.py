@@ -1,4 +1,4 @@
-"""Declarations of an experiment: its options, table, figure and sentences. What follows from them is derived.
+"""Declarations of an experiment: its options, table, figure and sentences. Everything else is derived from them.
 
 An experiment is a class in one file, named in bench/experiments/registry.py. From it follow its command
 (bench/declared_commands.py), its table (here), its figure (plots/core/declared.py), and its sentences in the lab book
@@ -127,9 +127,10 @@ class Experiment(Generic[CaseType, RowType]):
     """Base of all experiments, of cases and rows of results; an instance measures when it is called. The docstring of a class
     is the help of its command.
 
-    `name`: of its summary and of its versions (bench/keys/versions.py); `command`: the sub-command that measures it, in turn
-    with the others of that command; `switch`: the option that asks for it instead of the others; `example`, `quick_help`:
-    texts of the command; `options`: argument -> Option; `on_backends`: whether it has --backend; `whole`: a group is
+    `name`: of its summary and of its versions (bench/keys/versions.py); `command`: the sub-command that measures it, in
+    turn with the others of that command; `switch`: the option that selects it instead of the others; `example`,
+    `quick_help`: texts of the command; `options`: argument -> Option; `on_backends`: whether it has --backend;
+    `whole`: a group is
     measured anew if any of its cases is missing; `in_lab`: measured by `softlab lab`. `table`: head -> cell of a row, with
     the words `note` below.
     """
@@ -176,7 +177,9 @@ class Experiment(Generic[CaseType, RowType]):
         summary.stop()
         return summary
 
-    def plan(self, store: Store, backends: Sequence[str], quick: bool, options: Choices) -> Sequence[Sequence[CaseType]]:
+    def plan(
+        self, store: Store, backends: Sequence[str], quick: bool, options: Choices
+    ) -> Sequence[Sequence[CaseType]]:
         """Return the groups of cases."""
         raise NotImplementedError
 

@@ -1,9 +1,9 @@
 """Joules of stepping, from the counters that some machines have: NVML's of a GPU, RAPL's of processor packages (Linux).
 
-A counter holds what the whole device took since it was started, idle parts included. It moves in jumps (NVML's every 20
-to 100 ms), so a sample of 20 ms is useless. A sample lasts from one jump to another nearly a second later, and the counter is
-read only near the jumps, because each reading makes the device wait: in between, steps run as they do when they are timed.
-Without a counter there are no joules and no error: most processors hide theirs from users.
+A counter contains the energy of the whole device since it was started, idle parts included. It moves in jumps (NVML's
+every 20 to 100 ms), so a sample of 20 ms is useless. A sample lasts from one jump to another nearly a second later, and
+the counter is read only near the jumps, because each reading makes the device wait: in between, steps run as they do
+when they are timed. Without a counter there are no joules and no error: most processors hide theirs from users.
 """
 
 from __future__ import annotations

@@ -102,7 +102,7 @@ class Summary:
         return cls(enter_machine(store), name=name, begin=begin, version=version)
 
     def start(self, store: Store, command: str) -> str:
-        """Start the run of what is measured now, unless it has one; return its key."""
+        """Start a run for the present measurements, unless there is one; return its key."""
         self.run = self.run or store.start_run(self.machine, command, self.version)
         return self.run
 
@@ -111,8 +111,8 @@ class Summary:
         self.seconds = time.perf_counter() - self.begin
 
     def counts(self, done: str = "measured") -> str:
-        """`3 measured, 2 held in the store, 7 s`."""
-        return f"{self.measured} {done}, {self.stored} held in the store, {self.seconds:.0f} s"
+        """`3 measured, 2 already in the store, 7 s`."""
+        return f"{self.measured} {done}, {self.stored} already in the store, {self.seconds:.0f} s"
 
     def ending(self, before: str = "; ") -> str:
         """Return the message about Ctrl-C if that was the end, else nothing."""

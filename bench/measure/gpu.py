@@ -1,4 +1,4 @@
-"""The GPU of this machine: whether there is one, what it is, and NVML's handle of it."""
+"""The GPU of this machine: whether there is one, its facts, and its NVML handle."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ FACTS = (
 
 
 def gpu_or_reason() -> tuple[bool, str]:
-    """(True, the device's name), or (False, why there is none and what to do)."""
+    """Return (True, the device's name), or (False, why there is none and the remedy)."""
     try:
         from softlab.gpu_backend.core.device import gpu_available
     except ImportError as error:
@@ -28,7 +28,7 @@ def gpu_simulated() -> bool:
 
 
 def gpu_facts() -> dict[str, Any]:
-    """FACTS, for the record of a machine; None where not known, or there is none."""
+    """Return the FACTS of the GPU for the record of a machine; None if unknown, or without a GPU."""
     facts: dict[str, object] = dict.fromkeys(FACTS)
     available, name = gpu_or_reason()
     if not available:
@@ -50,8 +50,8 @@ def gpu_facts() -> dict[str, Any]:
 
 
 def nvml(number: int | None = None) -> tuple[Any, Any]:
-    """(NVML, its handle of the device that numba uses: the only one, or the one of its name; or of numba's device `number`);
-    None both, which can do nothing, where it cannot be had."""
+    """Return (NVML, its handle of the device that numba uses: the only one, or the one of its name; or of numba's
+    device `number`); None both, which can do nothing, where it cannot be had."""
     try:
         import pynvml
 
@@ -67,7 +67,7 @@ def nvml(number: int | None = None) -> tuple[Any, Any]:
 
 
 def _driver() -> str | None:
-    """The driver's own version, or that of the CUDA it speaks, as far as either is known."""
+    """Return the driver's version, or its CUDA version, if either is known."""
     library, _ = nvml()
     with suppress(Exception):  # as above
         version = library.nvmlSystemGetDriverVersion()

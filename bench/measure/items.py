@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, ClassVar, Protocol
+from typing import ClassVar, Protocol
 
 from softlab.bench.measure import costs_timing
 from softlab.bench.measure.costs_timing import RATIO, Measures, Record
@@ -29,7 +29,7 @@ class Item(Protocol):
 
 
 class Items(Experiment[Item, RowType]):
-    """An experiment of single items, measured one after another; `doing`: text of the bar before each."""
+    """Base of experiments with single items, measured one after another; `doing`: text of the progress bar."""
 
     doing: ClassVar[str] = ""
     items: ClassVar[Callable[..., Sequence[Item]]]  # (store, backends, quick, options) -> all, or (`quick`) fewer
@@ -54,7 +54,7 @@ def _within(report: Report, name: str, text: str) -> None:
 
 @dataclass(frozen=True)
 class Finding:
-    """One configuration of one finding. `name`: the measure by which the store knows that it is done."""
+    """One configuration of one finding. `name`: the measure whose presence in the store means that it is done."""
 
     name: str
     description: Description

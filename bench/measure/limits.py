@@ -42,14 +42,14 @@ def enter_limits(store: Store, machine: str) -> None:
 
 
 def cpu_arithmetic() -> dict[str, float]:
-    """{precision: operations a second} on all cores."""
+    """Return {precision: operations/s} of all cores."""
     from softlab.cpu_backend.core.arithmetic import arithmetic_rate
 
     return {precision: arithmetic_rate(precision, core_count()) for precision in PRECISIONS}
 
 
 def gpu_arithmetic() -> dict[str, float] | None:
-    """{precision: operations a second} of the GPU; None where there is none, or it fails at this."""
+    """Return {precision: operations/s} of the GPU; None if there is none, or if it fails."""
     if not gpu_or_reason()[0] or gpu_simulated():
         return None
     from softlab.gpu_backend.core.arithmetic import arithmetic_rate

@@ -37,7 +37,8 @@ MIN_COPY_BYTES = 1 << 28  # of one array
 
 
 def machine_record() -> dict[str, object]:
-    """The facts, nothing measured: cpu, cores, caches [B], memory, versions, gpu ... None: not known, or none."""
+    """Return the facts of this machine without measurements: cpu, cores, caches [B], memory, versions, gpu ...; None if
+    unknown or absent."""
     from softlab.cpu_backend.core.processor import processor_name
 
     record: dict[str, object] = {
@@ -63,13 +64,13 @@ def machine_record() -> dict[str, object]:
 
 
 def machine_key(record: Mapping[str, object]) -> str:
-    """12 hexadecimal digits of what identifies the machine: the same in every process, without its name."""
+    """Return 12 hexadecimal digits that identify the machine: the same in every process, without its name."""
     identity = {name: record.get(name) for name in IDENTITY}
     return hashlib.sha256(canonical(identity).encode()).hexdigest()[:12]
 
 
 def machine_label(record: Mapping[str, Any]) -> str:
-    """The machine in a caption: `AMD EPYC 7B12, 2 cores; no GPU`."""
+    """Return the machine's name for captions: `AMD EPYC 7B12, 2 cores; no GPU`."""
     cpu = re.sub(r"\((R|TM|r|tm)\)| CPU| Processor|@.*$|\d+-Core", "", record["cpu"])
     cores = f"{record['cores']} core" + ("s" if record["cores"] != 1 else "")
     gpu = record.get("gpu") or "no GPU"
@@ -115,7 +116,8 @@ def measured_limits() -> dict[str, object]:
 
 
 def _best(run: Callable[[], None], budget: float) -> float:
-    """The least time [s] of `run`, tried at least three times and for `budget` seconds: a limit is a best case."""
+    """Return the minimum time [s] of `run`, repeated at least three times and for `budget` seconds, because a limit is
+    a best case."""
     best, end, count = float("inf"), time.perf_counter() + budget, 0
     while count < 3 or time.perf_counter() < end:
         begin = time.perf_counter()

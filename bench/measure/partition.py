@@ -1,4 +1,4 @@
-"""The groups of an experiment that this process measures: all, or as one of several workers those that it takes.
+"""The groups of an experiment that this process measures: all, or, for one of several workers, those that it claims.
 
 `resume` (bench/measure/experiment.py) asks before every group. bench/cluster divides a sweep among workers.
 """
@@ -13,7 +13,7 @@ from softlab.bench.store.database import Store
 
 
 class Partition(Protocol):
-    """The groups that this process measures. Names are the same in every process that plans on such a machine."""
+    """The groups that this process measures. Names are the same in every process on an identical machine."""
 
     def planned(self, store: Store, machine: str, groups: Mapping[str, tuple[float, str]]) -> None:
         """Receive the groups that the store lacks on a machine, name -> worth and description."""
@@ -28,7 +28,7 @@ class Alone:
     """One process that measures everything."""
 
     def planned(self, store: Store, machine: str, groups: Mapping[str, tuple[float, str]]) -> None:
-        """Do nothing: no other process takes groups."""
+        """Do nothing: no other process claims groups."""
 
     @contextmanager
     def take(self, name: str) -> Iterator[bool]:

@@ -23,8 +23,8 @@ SECONDS = "seconds.json"  # of the parts of each command, the last time
 
 
 class Whole:
-    """The parts of a command under way. `expected`: seconds of each, in order; bars that are shown within `part` show the
-    whole, too."""
+    """The parts of a running command. `expected`: seconds of each, in order; bars within `part` show the total
+    progress, too."""
 
     current: Whole | None = None
 
@@ -100,7 +100,7 @@ def progress_bar(show: bool) -> Bars:
 
 
 def last_seconds(command: str) -> dict[str, float]:
-    """Seconds of the command's parts when it last ran to its end here; nothing where that is not known."""
+    """Return the seconds of the command's parts when it last ran to its end here, or nothing if unknown."""
     folder = user_cache("times")
     with suppress(OSError, ValueError, AttributeError, TypeError):
         stored = json.loads((folder / SECONDS).read_text(encoding="utf-8")) if folder else {}

@@ -1,4 +1,4 @@
-"""Samples on their way into the store: taken in turn, marked, and on disk before the next one is taken."""
+"""Samples on their way into the store: taken in turn, marked, and written before the next one is taken."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ SIMULATED = "CUDA simulator, no GPU"  # a mark of a sample
 
 
 class Case(Protocol):
-    """One configuration: its description and the hash of what it depends on, by which the store knows it."""
+    """One configuration: its description and the hash of the code it depends on, which identify it in the store."""
 
     @property
     def description(self) -> Description: ...
@@ -33,7 +33,7 @@ def stored_samples(
 ) -> Iterator[tuple[Subject, Sample]]:
     """Yield the samples as they are taken, each stored with all its marks before the next one is taken.
 
-    `case_of`, `warning`: the case of a subject's name, and a further mark of its samples.
+    `case_of`, `warning`: functions of a subject's name: its case, and a further mark of its samples.
     """
     for subject, sample in samples:
         case = case_of(subject.name)

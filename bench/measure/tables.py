@@ -31,7 +31,7 @@ def print_table(
 
 
 def columns(words: Iterable[str], numbers: Iterable[str]) -> list[Column]:
-    """Heads of columns: of words that are never broken, then of numbers, flush right."""
+    """Return headers of columns: first of words that are never broken, then of right-aligned numbers."""
     return [*(Column(name, no_wrap=True) for name in words), *(Column(name, justify="right") for name in numbers)]
 
 
@@ -57,7 +57,7 @@ def print_sweep(console: Console, summary: SweepSummary) -> None:
     if any("used up" in reason for _, reason in summary.skipped):
         console.print("  run it again to measure what was left out")
     if summary.interrupted:
-        console.print("  stopped; run it again and it goes on from here")
+        console.print("  stopped; run it again to resume")
 
 
 def _short(seconds: float) -> str:

@@ -1,16 +1,16 @@
 """Timing of one configuration, so that two of them may be compared.
 
-- Compiling and warming up come first and are reported apart.
+- Compilation and warm-up come first and are reported separately.
 - Every repeat starts from the same state, loaded outside the timed region; the device is waited for inside it.
-- What is compared is interleaved (A B A B ...), so that a slow minute of the machine hits all alike.
-- A sample is as many steps as fill a given time, or (where an error belongs to the time) whole runs of the interval over
-  which the error is judged, each from the start; raw repeats are kept, never only their mean.
-- What looks wrong is marked with the reason, not dropped: a sample under 1 ms, other programs on the cores it used, a
-  state that is not finite or incomplete (contacts lost, elements inverted or caught). (A spread over 10 % is seen when the
-  repeats are summed up, in bench/store/results.py.)
+- Compared configurations are interleaved (A B A B ...), so that a slow minute of the machine affects all of them.
+- A sample is as many steps as fill a given time, or (where an error belongs to the time) whole runs of the interval
+  over which the error is judged, each from the start; raw repeats are kept, never only their mean.
+- Doubtful samples are marked with the reason, not dropped: a sample under 1 ms, other programs on the cores it used, a
+  state that is not finite or incomplete (contacts lost, elements inverted or caught). (A spread over 10 % is seen when
+  the repeats are summed up, in bench/store/results.py.)
 
-With graphics, every DRAW_EVERY steps are followed by one off-screen picture, inside the timed region; what drawing
-costs is the difference to the same configuration without.
+With graphics, every DRAW_EVERY steps are followed by one off-screen picture, inside the timed region; the cost of
+drawing is the difference to the same configuration without graphics.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ class Neighbours:
 
     @staticmethod
     def _now() -> tuple[float, float, float]:
-        """(clock, core seconds that all programs used, those of this one)."""
+        """Return (clock, core seconds that all programs used, those of this one)."""
         used = 0.0
         for core, times in enumerate(psutil.cpu_times(percpu=True)):
             if core in allowed_cores():
@@ -196,7 +196,7 @@ def incomplete(simulation: object) -> list[str]:
 def warm_up(subject: Subject) -> tuple[float, float]:
     """Return (first, second): seconds of the shortest run; the first includes the remaining compilation and loading.
 
-    Raises Diverged, and whatever the backend raises where it cannot run.
+    Raises Diverged, and the backend's error if it cannot run.
     """
     subject.restore()
     first = subject.run(subject.least_steps)
@@ -209,10 +209,9 @@ def warm_up(subject: Subject) -> tuple[float, float]:
 
 
 def choose_steps(subject: Subject, seconds: float, most_seconds: float) -> int:
-    """Set and return the steps of a sample, so that one takes about `seconds`, and never (knowingly) `most_seconds`.
-
-    Rounded to two digits, whole pictures; at least one, and at least PASSES passes of a kernel that does several steps
-    in one (as far as `most_seconds` allows), since it is not made for fewer. Needs `warm_up`.
+    """Set and return the number of steps of a sample that takes about `seconds` and, by estimate, never `most_seconds`.
+    It is rounded to two digits and whole pictures; at least one, and at least PASSES passes of a kernel with several
+    steps per pass (as far as `most_seconds` allows), which needs that many to be efficient. Call `warm_up` first.
     """
     steps, least = subject.least_steps, subject.least_steps
     taken = subject.seconds_per_step * steps
@@ -270,9 +269,8 @@ def _two_digits(number: float) -> int:
 def interleaved(
     subjects: Sequence[Subject], repeats: Sequence[int], neighbours: Neighbours | None = None, again: int = 0
 ) -> Iterator[tuple[Subject, Sample]]:
-    """Samples in the order A B A B ...: `repeats[k]` of subject k. Each is yielded as soon as it is finished.
-
-    `again`: number of further turns in which disturbed samples are repeated, until there are enough undisturbed ones.
+    """Yield samples in the order A B A B ..., `repeats[k]` of subject k, as they are finished. `again`: number of
+    further turns in which disturbed samples are repeated, until there are enough undisturbed ones.
     """
     watch = neighbours or Neighbours()
     left = list(repeats)

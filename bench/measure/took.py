@@ -1,7 +1,6 @@
-"""Duration of a measuring command last time on this machine with these options: printed before it starts, kept in its store.
-
-A table of its own beside those of bench/store/database.py: it is about this machine alone, so it is neither exported nor
-merged.
+"""Duration of a measuring command last time on this machine with these options: printed before it starts, and stored.
+The table is separate from those of bench/store/database.py, because it is about this machine only and is neither
+exported nor merged.
 """
 
 from __future__ import annotations

@@ -84,7 +84,7 @@ class Frames(Subject):
     camera: Camera = field(kw_only=True)
 
     def restore(self) -> None:
-        """Give the buffers to CUDA, or to OpenGL alone, as this path needs; nothing else changes."""
+        """Register the buffers with CUDA, or with OpenGL only, as this path needs."""
         self.view.vertices.shared = self.name["way"] == STRAIGHT
         self.run(1)
 
@@ -106,7 +106,7 @@ class Frames(Subject):
 
 
 def touch(*buffers: int) -> None:
-    """Make the graphics card read from the buffers: a driver may leave what was sent on the host until then."""
+    """Make the graphics card read from the buffers: a driver may keep the data on the host until then."""
     from pyglet import gl
 
     target = gl.GLuint()
@@ -120,7 +120,7 @@ def touch(*buffers: int) -> None:
 
 
 def _frame_costs(record: Record, subjects: list[Frames], effort: Effort) -> list[Measures]:
-    """Return the costs of both paths; of the host's alone, with the reason, where the other is not available."""
+    """Return the costs of both paths; or of the host path with the reason why the other is not available."""
     host, straight = subjects
     straight.restore()
     shown = straight.view.vertices.transfer

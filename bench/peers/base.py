@@ -1,7 +1,7 @@
 """Interface of a peer: another program, or another implementation of this one, that runs a scene of the lab.
 
 A peer is identified by `name`; it reports its `backend`, the scenes that it cannot run (`refusal`), and whether it is
-installed (`available`). `open` returns a simulation reduced to what a comparison needs. To add one: a file with a
+installed (`available`). `open` returns a simulation with the methods that a comparison needs. To add one: a file with a
 subclass of `Peer`, and its name in registry.py.
 """
 
@@ -25,7 +25,7 @@ from softlab.model.scene.scene import Scene
 class Opened(ABC):
     """A scene opened by a peer; a context manager.
 
-    `kernel`: what runs, in a word or two; `threads`: None on the GPU; `steps_together`: steps per pass over memory.
+    `kernel`: the kernel, in a word or two; `threads`: None on the GPU; `steps_together`: steps per pass over memory.
     """
 
     kernel: str = "auto"
@@ -118,15 +118,15 @@ def grid_refusal(scene: Scene) -> str | None:
     if scene.method.solver != "mass-spring":
         return f"it has no {scene.method.solver} solver"
     if scene.method.integrator != "lab":
-        return f"it knows the lab's step alone, not {scene.method.integrator}"
+        return f"it supports only the integrator lab, not {scene.method.integrator}"
     if scene.springs is None:
         return "it has no grid without springs"
     if scene.springs.alternate:
-        return "it knows one stiffness, these springs alternate"
+        return "it supports one stiffness; these springs alternate"
     if scene.external is not None and scene.external.magnitude > 0:
         return "it has no external force"
     unknown = present_parts(scene) - {"springs", "damping", "gravity", "pins"}
-    return f"it does not know {', '.join(sorted(unknown))}" if unknown else None
+    return f"it does not support {', '.join(sorted(unknown))}" if unknown else None
 
 
 class SheetStart:

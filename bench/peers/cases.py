@@ -66,7 +66,7 @@ class PeerCase(Case):
 class Beside:
     """A peer's simulation in the form that bench/measure/timing.py needs.
 
-    It restarts from the start [(position, velocity)] of the scene again and again.
+    Every sample restarts from the scene's start, [(position, velocity)].
     """
 
     snapshots = 0  # the start is always stored
@@ -102,7 +102,7 @@ class Beside:
 
 
 def peer_sources(backend: str) -> str:
-    """Return the hash of what a comparison depends on: the sources of the backend and of the peers."""
+    """Return the hash of the code that a comparison depends on: the sources of the backend and of the peers."""
     digest = hashlib.sha256(source_hash(backend).encode())
     for file in sorted(Path(softlab.bench.peers.__file__).parent.rglob("*")):
         if file.suffix in (".py", ".cpp", ".cu"):

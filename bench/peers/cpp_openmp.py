@@ -80,7 +80,7 @@ class _Grid(Opened):
         )  # fmt: skip
 
     def synchronize(self) -> None:
-        """Return at once: a call returns when its steps are done."""
+        """Return at once, since a call returns when its steps are done."""
 
     def load(self, position: np.ndarray, velocity: np.ndarray) -> None:
         state = self._states[self._current]

@@ -30,9 +30,9 @@ class CppTetrahedra(CppOpenmp):
 
     def refusal(self, scene: Scene) -> str | None:
         if not scene.tetrahedra or scene.method.solver != "xpbd":
-            return "it knows position-based tetrahedra alone"
+            return "it supports only position-based tetrahedra"
         if scene.method.iterations > 1 or len(constraint_sets(scene)) > 1:
-            return "it knows one iteration a substep, of one set of constraints"
+            return "it supports one iteration per substep of one set of constraints"
         unknown = tetrahedra_parts(scene) - KNOWN
         return f"it has no {', '.join(sorted(unknown))}" if unknown else None
 
@@ -79,7 +79,7 @@ class _Bodies(Opened):
         )  # fmt: skip
 
     def synchronize(self) -> None:
-        """Return at once: every call ends when its steps are done."""
+        """Return at once, since a call returns when its steps are done."""
 
     def load(self, position: np.ndarray, velocity: np.ndarray) -> None:
         self._arrays[0, :, :3], self._arrays[1, :, :3] = position, velocity

@@ -59,8 +59,8 @@ class CudaCpp(Peer):
 class Sheet(Opened):
     """Sheet of masses in two buffers that swap at every launch.
 
-    Subclasses define `vector`, the numbers of a mass in an array; `function`, the kernel's name; `block`, threads
-    (across, down); `_compiled`, its machine code; `_more`, what it reads besides the buffers.
+    Subclasses define `vector`, the numbers per mass in an array; `function`, the kernel's name; `block`, threads
+    (across, down); `_compiled`, its machine code; `_more`, its arguments besides the buffers.
     """
 
     kernel = f"graph of {CHUNKS[0]} steps"
@@ -149,7 +149,7 @@ class Sheet(Opened):
         return [np.array([int(pointer)], np.uint64) for pointer in (*buffers, *self._more)]
 
     def _enter(self) -> None:
-        """Make this context current: others (numba, Warp) may have left another one."""
+        """Make this context current, since numba or Warp may have activated another one."""
         checked(self._driver.cuCtxSetCurrent(self._context), "cuCtxSetCurrent")
 
     def _launch(self, source: int) -> None:

@@ -179,7 +179,8 @@ class Blocked(Sheet):
         return self.tile.blocks(rows, columns)
 
     def _pins(self) -> list[Any]:
-        """Return the pins; also allocate what blocks exchange: borders of tiles, a flag per block, and an error flag."""
+        """Return the pins; also allocate the buffers of exchanges between blocks: borders of tiles, a flag per block,
+        and an error flag."""
         pinned = np.zeros(self.constants.count, np.uint8)
         pinned[self.constants.pinned] = 1
         arrays = [pinned]
@@ -237,5 +238,5 @@ class Blocked(Sheet):
             failed = np.zeros(1, np.int32)
             checked(self._driver.cuMemcpyDtoH(failed.ctypes.data, self._exchanged[-1], failed.nbytes), "cuMemcpyDtoH")
             if failed[0]:
-                raise PeerError("a block waited in vain for its neighbours")
+                raise PeerError("a block waited too long for its neighbours")
         return state

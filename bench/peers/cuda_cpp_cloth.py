@@ -30,9 +30,9 @@ def cloth_refusal(scene: Scene) -> str | None:
     if scene.method.solver != "mass-spring":
         return f"it has no {scene.method.solver} solver"
     if scene.cloth is None:
-        return "it knows cloth alone"
+        return "it supports only cloth"
     if scene.method.integrator != "semi-implicit-euler":
-        return f"it knows semi-implicit Euler alone, not {scene.method.integrator}"
+        return f"it supports only semi-implicit Euler, not {scene.method.integrator}"
     unknown = cloth_parts(scene) - KNOWN - {f"{kind}-damping" for kind in KINDS}
     return f"it has no {', '.join(sorted(unknown))}" if unknown else None
 

@@ -19,7 +19,7 @@ REMEDY = "pip install -e '.[cuda13]' (or cuda12)"
 
 
 def driver() -> ModuleType:
-    """Return cuda.bindings.driver. Raises what a missing package or library raises."""
+    """Return cuda.bindings.driver. Raises the error of a missing package or library."""
     from cuda.bindings import driver
 
     return driver

@@ -1,6 +1,6 @@
 """Towers of rigid beams in Newton, by its solvers for rigid bodies (XPBD, VBD, Steel).
 
-Boxes of the same size, mass and place, on the same plane, the lab's substeps, contacts searched anew in each. The lab
+Boxes of the same size, mass and place, on the same plane, the lab's substeps, contacts searched again in each. The lab
 makes a rigid body of particles, so its contacts are between spheres; Newton's are between boxes. Both must agree on
 where the beams lie once they have fallen on each other: the particles of a beam are where Newton's box carries them.
 
@@ -39,12 +39,12 @@ class NewtonRigid(Newton):
 
     def scene_refusal(self, scene: Scene) -> str | None:
         if not scene.bodies:
-            return "it knows rigid bodies alone"
+            return "it supports only rigid bodies"
         unknown = set(scene.kinds.values()) - KNOWN
         if unknown:
             return f"it has no {', '.join(sorted(unknown))} as the lab means it"
         if {body.shape and body.shape.name for body in scene.bodies.values()} != {"beam"}:
-            return "it knows beams alone"
+            return "it supports only beams"
         return None
 
     def opened(self, scene: Scene, precision: str) -> Opened:

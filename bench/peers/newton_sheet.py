@@ -82,7 +82,7 @@ class Newton(WarpPeer):
         reason = self.scene_refusal(scene)
         each = 2 if scene.springs is not None else 6 if scene.cloth is not None else 0
         if reason is None and each * scene.grid.particle_count > MOST_SPRINGS:
-            return "its model, made of Python lists, would take minutes to build"
+            return "building its model from Python lists would take minutes"
         return reason
 
     def scene_refusal(self, scene: Scene) -> str | None:

@@ -54,7 +54,7 @@ class _Grid(Opened):
         return position, velocity
 
     def synchronize(self) -> None:
-        """Return at once: there is nothing to wait for."""
+        """Return at once, since NumPy is synchronous."""
 
     def advance(self, steps: int) -> None:
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
@@ -62,7 +62,7 @@ class _Grid(Opened):
                 self._step()
 
     def _pull(self, difference: np.ndarray, scale: np.ndarray) -> None:
-        """Turn the vector to the neighbour into the force over mass, in place; zero for coincident masses."""
+        """Convert the vector to the neighbour into force over mass, in place; zero for coincident masses."""
         np.hypot(difference[0], difference[1], out=scale)
         coincident = scale == 0
         np.divide(self.constants.stiffness_rest, scale, out=scale)

@@ -61,7 +61,8 @@ def run_peers(
 
 
 class _Comparison(Sweep):
-    """A sweep whose groups are the lab and its peers at one size; `refused`: cases that cannot run here, with reasons."""
+    """A sweep whose groups are softlab and its peers at one size; `refused`: cases that cannot run here, with
+    reasons."""
 
     whole = True
     refused: Sequence[tuple[PeerCase, str]] = ()
@@ -96,7 +97,7 @@ class _Comparison(Sweep):
         if not works:
             return f"{case.peer.label}: {text}"
         if case.backend not in here or (case.backend == "gpu" and gpu_simulated()):
-            return f"{case.peer.label}: the lab has no {case.backend} here to be held beside"
+            return f"{case.peer.label}: softlab has no {case.backend} here to compare with"
         reason = case.peer.refusal(case.scene)
         return f"{case.peer.label}: {reason}" if reason else None
 
@@ -112,7 +113,7 @@ class _Comparison(Sweep):
         report(str(cases[0]), len(cases))
 
     def _affordable(self, cases: Sequence[Any]) -> list[Any]:
-        """Return the cases that there are time and memory for, all opened at once; record the others as skipped."""
+        """Return the cases that fit into time and memory when all are open at once; record the others as skipped."""
         affordable, free, used = [], available_bytes(), 0
         for case in super()._affordable(cases):
             if used + case.host_bytes > 0.8 * free:
@@ -133,7 +134,7 @@ class _Comparison(Sweep):
 
 
 class PeerRunner(GroupRunner):
-    """Measures the lab and its peers at one size. A peer may fail in any way; the others continue."""
+    """Measures softlab and its peers at one size. If a peer fails, the others continue."""
 
     refusals = (Exception,)
 

@@ -77,7 +77,7 @@ class WarpPeer(Peer):
 
     @abstractmethod
     def opened(self, scene: Scene, precision: str) -> Opened:
-        """Return the result of `open`; may raise whatever the package raises."""
+        """Return the result of `open`; may raise any error of the package."""
 
 
 class Replayed(Opened):

@@ -29,9 +29,9 @@ OPTIONS = {"enable_backward": False, "module": "unique", "module_options": {"fas
 def xpbd_refusal(scene: Scene) -> str | None:
     """Return why a peer of XPBD on a sheet (springs as constraints, gravity, drag, pins) cannot run the scene."""
     if scene.method.solver != "xpbd":
-        return f"it has XPBD alone, not {scene.method.solver}"
+        return f"it supports only XPBD, not {scene.method.solver}"
     if scene.cloth is None:
-        return "it knows cloth alone"
+        return "it supports only cloth"
     unknown = xpbd_parts(scene) - KNOWN
     return f"it has no {', '.join(sorted(unknown))}" if unknown else None
 

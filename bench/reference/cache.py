@@ -56,7 +56,7 @@ def cached_reference(
 ) -> Converged:
     """Return the converged reference from `folder`, or compute it and store it there (None: not stored).
 
-    `per_radian`: initial number of steps, which the tolerance refines. Raises what `converged` raises.
+    `per_radian`: initial number of steps, which the tolerance refines. Raises the errors of `converged`.
     """
     file = folder / f"reference-{key(scene, time, inertia, tolerance)}.npz" if folder else None
     return cached_state(

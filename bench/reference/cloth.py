@@ -35,7 +35,7 @@ def rest(scene: Scene) -> np.ndarray:
     cloth = scene.cloth
     assert cloth is not None
     if scene.mesh:
-        raise SceneError("mesh", scene.name, "has no reference to be judged by; choose a scene with a grid or a cloth")
+        raise SceneError("mesh", scene.name, "has no reference; choose a scene with a grid or a cloth")
     row, column = np.mgrid[: cloth.rows, : cloth.columns]
     zero = np.zeros_like(row)
     flat = cloth.placement == "flat"
@@ -260,7 +260,8 @@ def touched(
 
 
 def reverted_sliding(dt: float, velocity: np.ndarray, answered: np.ndarray, normal: np.ndarray) -> np.ndarray:
-    """Return what friction reverts of a step, dt times the tangential change of velocity: (..., 3) [m]."""
+    """Return the displacement that friction reverts in a step, dt times the tangential change of velocity: (..., 3)
+    [m]."""
     change = answered - velocity
     return dt * (change - _dot(change, normal) * normal)
 

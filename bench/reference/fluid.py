@@ -57,7 +57,7 @@ class _Kernels:
         return np.where(r > 0, derivative, 0.0)
 
     def wall_at(self, distance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return (what a wall adds to C, its derivative over the distance [1/m])."""
+        """Return (contribution of a wall to C, its derivative by the distance [1/m])."""
         q = np.clip(distance / self.wall_range, 0, 1)
         return self.wall * (1 - q) ** 3, -3 * self.wall / self.wall_range * (1 - q) ** 2
 

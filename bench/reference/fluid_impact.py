@@ -35,7 +35,8 @@ def velocities(
 def without_rebound(
     world: Any, number: int, at: np.ndarray, v: np.ndarray, u: np.ndarray, multiplier: np.ndarray
 ) -> np.ndarray:
-    """Return velocities v, u before the corrections, without what walls pushed particles away by from `at`."""
+    """Return velocities v, u before the corrections, without the velocity by which walls pushed particles away from
+    `at`."""
     end, total = (number + 1) * world.h, np.zeros(len(at))
     for _, collider in world.scene.colliders:
         distance, normal = fluid_world.distances(collider, at, end)

@@ -1,8 +1,8 @@
 """Shape matching in NumPy, float64: clusters in compressed form, rotations by singular values.
 
 Without the lab's formulas. M. Mueller et al., "Meshless Deformations Based on Shape Matching", SIGGRAPH 2005;
-model/assets/clusters.py describes split masses, and its `matching_factor` how far a particle moves towards its
-goals.
+model/assets/clusters.py describes split masses, and its `matching_factor` the fraction of the distance that a particle
+moves towards its goals.
 """
 
 from __future__ import annotations

@@ -109,4 +109,4 @@ def one_step(
         p3, v3 = v + dt / 2 * v2, a(p + dt / 2 * p2, v + dt / 2 * v2, t + dt / 2)
         p4, v4 = v + dt * v3, a(p + dt * p3, v + dt * v3, t + dt)
         return settle(p, p + dt / 6 * (p1 + 2 * p2 + 2 * p3 + p4), v + dt / 6 * (v1 + 2 * v2 + 2 * v3 + v4))
-    raise SceneError("method.integrator", integrator, "the reference does not know it")
+    raise SceneError("method.integrator", integrator, "the reference does not support it")

@@ -81,7 +81,7 @@ def simulate(
 def motion(scene: Scene, steps: int, position: np.ndarray, velocity: np.ndarray, most: int, distance: float) -> Motion:
     """Return `simulate` as a generator in which other references can intervene (`Motion`)."""
     if scene.motions or scene.external or any(p.mass_damping for p in scene.tetrahedra.values()):
-        message = "the reference knows gravity, dampers, contacts, colliders and attachments"
+        message = "the reference supports gravity, dampers, contacts, colliders and attachments"
         raise SceneError("scene", scene.name, message)
     mesh, method = scene.tetrahedra_set, scene.method
     (damping,) = {part.damping for part in scene.tetrahedra.values()}

@@ -1,7 +1,7 @@
-"""The SQLite store: what was measured, on which machine, in which run, of which configuration.
+"""The SQLite store: machines, runs, configurations, samples and measures (tables: bench/store/schema.py).
 
-Raw repeats only; every summary is a query (bench/store/results.py). A finished sample is committed at once, so that Ctrl-C or
-`kill -9` loses none. Its tables: bench/store/schema.py.
+It contains raw repeats only; every summary is a query (bench/store/results.py). A finished sample is committed at once,
+so that Ctrl-C or `kill -9` loses none.
 """
 
 from __future__ import annotations
@@ -30,11 +30,10 @@ BUSY_SECONDS = 5.0  # how long to wait for another process's write
 class Store:
     """One store, open for reading and writing; a context manager.
 
-    `path` is made where it does not exist yet (its folder only for the default path), once there is something to write.
-    `journal`: how SQLite keeps what is not committed yet; DELETE for a file that another host may read later, where WAL
-    is impossible, since it needs shared memory.
-    Raises InputError, with what to do, for a store that is locked, damaged, no SQLite file, of another schema version, or
-    that cannot be written; nothing on disk is changed then.
+    `path` is created with the first write (its folder only for the default path). `journal`: SQLite's journal mode;
+    DELETE for a file that another host may read later, since WAL needs shared memory. Raises InputError, with what to
+    do, for a store that is locked, damaged, no SQLite file, of another schema version, or that cannot be written;
+    nothing on disk is changed then.
     """
 
     def __init__(
@@ -136,7 +135,7 @@ class Store:
 
     @contextmanager
     def _explained(self) -> Iterator[None]:
-        """Turn an error of SQLite into a line with a remedy."""
+        """Raise InputError with a remedy for an error of SQLite."""
         try:
             yield
         except sqlite3.IntegrityError:
@@ -148,13 +147,13 @@ class Store:
             elif "readonly" in text or "unable to open" in text:
                 remedy = "the file or its folder cannot be written; check the permissions, or give another path"
             elif "full" in text:
-                remedy = "the disk is full; make room, then run the same command again to resume"
+                remedy = "the disk is full; free some space, then run the same command again to resume"
             else:
                 remedy = "the store is damaged; move it away (or restore a copy) and merge its last export"
             raise InputError(f"{self.path}: {text}: {remedy}") from None
         except UnicodeDecodeError:
             raise InputError(
-                f"{self.path}: holds text that is none: the store is damaged; move it away (or restore a copy)"
+                f"{self.path}: contains invalid text: the store is damaged; move it away (or restore a copy)"
             ) from None
 
     @contextmanager
@@ -181,7 +180,7 @@ class Store:
             return self.connection.execute(sql, arguments).fetchall()
 
     def close(self) -> None:
-        """Close the store; what was added is already on disk."""
+        """Close the store; everything added is already on disk."""
         self.connection.close()
 
     def __enter__(self) -> Store:
@@ -193,8 +192,8 @@ class Store:
     # ------------------------------------------------------------------ writing
 
     def add_machine(self, key: str, label: str, record: Mapping[str, object]) -> None:
-        """Enter a machine; where it is known, its record only gains the fields that it lacks or holds as null, and limits
-        that were measured undisturbed in place of disturbed ones."""
+        """Add a machine. If it exists, only missing or null fields of its record are added, and undisturbed limits
+        replace disturbed ones."""
         with self.transaction() as connection:
             known = connection.execute("SELECT record FROM machine WHERE key = ?", (key,)).fetchone()
             if known is None:
@@ -206,7 +205,7 @@ class Store:
                 connection.execute("UPDATE machine SET record = ? WHERE key = ?", (canonical(merged), key))
 
     def start_run(self, machine: str, command: str, commit: str | None = None) -> str:
-        """Enter a run on a known machine and return its key; `commit` is the source revision, where one is known."""
+        """Add a run on a known machine and return its key; `commit` is the source revision, if known."""
         key = uuid.uuid4().hex[:12]
         started = datetime.now(UTC).isoformat(timespec="seconds")
         with self.transaction() as connection:

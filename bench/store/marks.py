@@ -7,5 +7,5 @@ WRONG = ("wrong answer", "state not finite", INCOMPLETE)
 
 
 def is_wrong(mark: str | None) -> bool:
-    """Return True if one of a sample's marks, which are joined by "; ", says that its state is wrong."""
+    """Return True if one of a sample's marks, joined by "; ", means that its state is wrong."""
     return any(reason.startswith(WRONG) for reason in (mark or "").split("; "))

@@ -1,4 +1,4 @@
-"""The name of a method, from its table as stores have it."""
+"""The name of a method, from its table in the store."""
 
 from __future__ import annotations
 

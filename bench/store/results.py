@@ -80,12 +80,12 @@ class Timing:
 
     `seconds_per_step`: one per sample [s]; of stages without steps (compile) the plain seconds. `median`, `low`, `high`
     (least and most) [s] a step; `spread`: (75th - 25th percentile) / median; `sessions`: the runs that samples are of.
-    `suspect`: reasons, empty where there are
-    none. `error` in units of the spacing, None with `error_reason`; with a value, `error_reason` is its origin.
-    `kernel`: the one that ran; `chosen`: by the backend itself, not forced. `thread_word`: 1x, 2x, 4x of the machine's
-    cores or the number; None on the GPU. `bytes_per_step`: what one fused pass over the state moves. `joules_per_step`:
-    median [J], None where the machine has no counter. `graphics` timings hold stepping and drawing together; what drawing
-    costs is the difference to the same timing without.
+    `suspect`: reasons, empty where there are none. `error` in units of the spacing, None with `error_reason`; with a
+    value, `error_reason` is its origin. `kernel`: the one that ran; `chosen`: by the backend itself, not forced.
+    `thread_word`: 1x, 2x, 4x of the machine's cores or the number; None on the GPU. `bytes_per_step`: bytes that one
+    fused pass over the state moves. `joules_per_step`: median [J], None where the machine has no counter. `graphics`
+    timings hold stepping and drawing together; the cost of drawing is the difference to the same timing without
+    graphics.
     """
 
     machine: str
@@ -126,7 +126,7 @@ class Timing:
 @dataclass(frozen=True)
 class Measure:
     """One number of one configuration on one machine, the newest of the newest sources. `description`: the whole
-    configuration, as `configuration()` makes it. `value` None: there is none, and `reason` says why."""
+    configuration, as `configuration()` makes it. `value` None: there is none, for the `reason`."""
 
     machine: str
     configuration: str
@@ -289,7 +289,7 @@ def _thread_word(threads: int | None, cores: int | None) -> str | None:
 
 @lru_cache(maxsize=4096)
 def _facts(scene_text: str, precision: str) -> tuple[Table, Table, int | None]:
-    """The grid, the method and the bytes a particle and step, of a scene as the store holds it."""
+    """Return the grid, the method and the bytes per particle and step of a scene in the store."""
     data = json.loads(scene_text)
     kinds = tables_by_kind(data)
     grid = {"rows": 0, "columns": 0} | kinds.get("grid", {})

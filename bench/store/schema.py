@@ -1,4 +1,4 @@
-"""The tables of a store, and what names its rows. All are keyed by text, so that two stores merge without renumbering:
+"""The tables of a store and their keys. All are keyed by text, so that two stores merge without renumbering:
 
     machine        key, label, record (JSON)
     run            key, machine, commit_hash, started (UTC, ISO 8601), command
@@ -65,17 +65,17 @@ SCHEMA = (  # statements that make the tables
 
 
 def canonical(description: Mapping[str, object]) -> str:
-    """Canonical JSON: equal texts mean equal descriptions."""
+    """Return canonical JSON: equal texts mean equal descriptions."""
     return json.dumps(description, sort_keys=True, separators=(",", ":"), ensure_ascii=True, allow_nan=False)
 
 
 def tables_by_kind(scene: Tables) -> dict[str, Table]:
-    """The tables of a scene as a description holds them, by what they are: `grid`, `method`."""
+    """Return the tables of a scene in a description by kind: `grid`, `method`."""
     return {table.get("kind", name): table for name, table in scene.items() if isinstance(table, dict)}
 
 
 def configuration_hash(description: Description) -> str:
-    """The 16 hexadecimal digits that name a configuration."""
+    """Return the 16 hexadecimal digits that identify a configuration."""
     return hashlib.sha256(canonical(description).encode()).hexdigest()[:16]
 
 
@@ -119,11 +119,11 @@ def checked_record(record: Mapping[str, object]) -> Mapping[str, object]:
     def check(name: str, value: object) -> None:
         number = isinstance(value, int | float) and not isinstance(value, bool) and 0 <= value < float("inf")
         if value is not None and not number:
-            raise ValueError(f"{name} = {value!r} is no number of at least 0")
+            raise ValueError(f"{name} = {value!r} is not a number of at least 0")
 
     def check_table(name: str, table: object) -> None:
         if table is not None and not isinstance(table, dict):
-            raise ValueError(f"{name} = {table!r} is no table of numbers")
+            raise ValueError(f"{name} = {table!r} is not a table of numbers")
         for key, value in table.items() if isinstance(table, dict) else ():
             (check_table if isinstance(value, dict) else check)(f"{name}.{key}", value)
 

@@ -46,7 +46,7 @@ READERS = {  # table -> of each column its name, its type, and whether an empty 
 
 
 def as_text(rows: Rows) -> str:
-    """The text of rows."""
+    """Return rows as text."""
     lines: list[list[str]] = [[MAGIC, str(TEXT_VERSION)], ["machine:", "key", "label", "field", "value"]]
     for key, label, record in rows["machine"]:
         for field, value in sorted(flatten(json.loads(record)).items()) or [("", "")]:
@@ -72,20 +72,21 @@ def as_text(rows: Rows) -> str:
 
 
 def _quoted(cell: str) -> str:
-    """A cell of CSV. (csv.writer leaves a lone carriage return bare, which csv.reader takes for the line's end.)"""
+    """Return a cell of CSV. (csv.writer does not quote a lone carriage return, which csv.reader takes for the end of
+    the line.)"""
     return '"' + cell.replace('"', '""') + '"' if any(mark in cell for mark in ',"\r\n') else cell
 
 
 def _cell(value: object) -> str:
-    """A column of a table; None is empty (no column that may be None holds an empty text)."""
+    """Return a column of a table as text; None is empty (no column that may be None contains an empty text)."""
     if value is None:
         return ""
     return repr(value) if isinstance(value, float) else str(value)
 
 
 def flatten(data: Mapping[str, object], prefix: str = "") -> dict[str, str]:
-    """Nested tables as {dotted path: cell}. A table whose keys hold dots, that has none or lies DEEPEST within others stays
-    one JSON cell."""
+    """Return nested tables as {dotted path: cell}. A table that is empty, has keys with dots, or is nested deeper than
+    DEEPEST stays one JSON cell."""
     cells: dict[str, str] = {}
     nests = prefix.count(".") < DEEPEST
     for key, value in data.items():
@@ -138,7 +139,7 @@ def unflatten(cells: Mapping[str, str]) -> dict[str, Any]:
 
 
 def read_text(file: Path) -> Rows:
-    """The rows of a text export. Raises InputError with the line that is wrong."""
+    """Return the rows of a text export. Raises InputError with the line of the error."""
     check_source(file, "a text export is a .csv or .csv.gz file that softlab export wrote")
     try:
         with _opened(file) as opened:
@@ -149,7 +150,7 @@ def read_text(file: Path) -> Rows:
                 ValueError, LookupError, AttributeError, TypeError, RecursionError, csv.Error, EOFError, zlib.error,
             ) as error:  # fmt: skip
                 raise InputError(
-                    f"{file}, line {reader.line_num}: not a line of a text export ({error}); export it anew"
+                    f"{file}, line {reader.line_num}: not a line of a text export ({error}); export it again"
                 ) from None
     except OSError as error:
         raise InputError(f"{file} cannot be read: {error.strerror or error}; check the path") from None
@@ -190,7 +191,7 @@ def _parse(reader: Any, file: Path) -> Rows:
 
 
 def _row(table: str, cells: Mapping[str, str]) -> Row:
-    """A row of a table from its cells, by column."""
+    """Return a row of a table from its cells, by column."""
     return tuple([None if not cells[name] and free else kind(cells[name]) for name, kind, free in READERS[table]])
 
 

@@ -64,7 +64,7 @@ def load_text(paths: Iterable[str | Path]) -> Store:
 
 
 def last_run(store: Store) -> int:
-    """The number of the run that was entered last; 0: none."""
+    """Return the number of the latest run; 0: none."""
     return int(store.query("SELECT coalesce(max(rowid), 0) FROM run")[0][0])
 
 
@@ -112,6 +112,6 @@ def _insert(store: Store, rows: Rows, origin: str | Path) -> dict[str, int]:
                 added[table] = connection.total_changes - before
     except (sqlite3.IntegrityError, OverflowError, ValueError) as error:
         raise InputError(
-            f"{origin}: the results do not fit together ({error}); nothing was taken; export them anew"
+            f"{origin}: the results are inconsistent ({error}); nothing was merged; export them again"
         ) from None
     return added

@@ -1,4 +1,4 @@
-"""Version of the code that a number is from, which decides what may be compared.
+"""Version of the code of a measurement, which decides which measurements may be compared.
 
 Two timings are compared only where they are of one version of the code: those of one backend if its sources were the same;
 CPU against GPU if some run names the sources of both, because those then lay side by side. Every run records both when it is
@@ -35,7 +35,7 @@ class Version:
     gpu: str | None = None
 
     def __str__(self) -> str:
-        """For captions: `commit 9613136a2b1c`, or what is known instead."""
+        """Return the version for captions: `commit 9613136a2b1c`, or a substitute."""
         if self.commit:
             return f"commit {self.commit}"
         return f"sources {self.cpu[:8]} and {self.gpu[:8]}" if self.cpu and self.gpu else "commit unknown"
@@ -49,7 +49,7 @@ def code_version() -> str:
 
 @cache
 def digest_of(backend: str) -> str:
-    """The digest of a backend's sources as they are now."""
+    """Return the digest of a backend's present sources."""
     return source_digest(*backend_sources(backend))
 
 
@@ -84,8 +84,9 @@ def refuse_changed_files(allowed: bool) -> None:
     revision = _revision() or ""
     if revision.endswith("+") and not allowed:
         raise InputError(
-            f"the lab's files differ from commit {revision.rstrip('+')}, so that these measurements could not be traced to "
-            "their code; commit the changes, or measure with softlab --allow-dirty COMMAND, which marks every run"
+            f"the lab's files differ from commit {revision.rstrip('+')}, so these measurements could not "
+            "be traced to their code; commit the changes, or measure with softlab --allow-dirty COMMAND, which marks "
+            "every run"
         )
 
 
@@ -93,7 +94,7 @@ def refuse_changed_files(allowed: bool) -> None:
 
 
 class Dated(Protocol):
-    """A timing, or a measure."""
+    """A timing or a measure."""
 
     @property
     def backend(self) -> str: ...

@@ -1,7 +1,7 @@
 """Hard cases of soft and rigid bodies.
 
 They are spin and momenta in free flight, deformed and inverted starts, impacts at 100 m/s, and bodies that start inside
-each other. bench/stress/trial.py defines what a law returns; bench/stress/body_cases.py has the scenes. Bounds follow
+each other. bench/stress/trial.py defines the result of a law; bench/stress/body_cases.py has the scenes. Bounds follow
 from the step: from a formula of its loss, or from rounding. A substep rounds a coordinate about eight times, always in
 the same direction for equal motion, and a rounding error over h is a velocity, which stays. A rotation within KEPT of
 the nearest one is not changed (model/formulas/rotation.py), so each substep may lag behind by LAG.
@@ -204,7 +204,7 @@ def is_stopped_by_a_plane(trial: Trial) -> list[Check]:
 def is_stopped_by_a_box(trial: Trial) -> list[Check]:
     """B16: a box is not swept; a particle inside leaves by the nearest face.
 
-    It therefore stops whatever moves by less than half its thickness per substep, and reduces the energy."""
+    It therefore stops everything that moves by less than half its thickness per substep, and reduces the energy."""
     scene = trial.scene
     box = next(part for part in scene.parts.values() if isinstance(part, Box))
     top, path = box.center[1] + box.half_size[1] + box.thickness, np.abs(scene.body_set.velocity).max() * substep(scene)

@@ -166,7 +166,7 @@ def _digest(case: HardCase) -> str:
 def _work(
     cases: Sequence[HardCase], methods: Sequence[str], backends: Sequence[str], precisions: Sequence[str]
 ) -> list[_Work]:
-    """Return all runs; those that share machine code follow each other."""
+    """Return all runs, those with the same machine code in succession."""
     runs, laws = [], {case.name: _digest(case) for case in cases}
     for backend, precision, method, case in product(backends, precisions, methods, cases):
         if method in case.methods:

@@ -120,7 +120,7 @@ def mixed() -> Scene:
 
 
 def crowded() -> Scene:
-    """Return three blocks in one place."""
+    """Return three blocks at one position."""
     return scene({"water": water((5, 5, 5), more={"blocks": [{"origin": [0.0, 0.0, 0.0], "size": [5 * D] * 3}] * 2})})
 
 

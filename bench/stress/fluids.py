@@ -1,6 +1,6 @@
 """Laws of the hard cases of fluids, F1 to F9.
 
-bench/stress/trial.py defines what a law returns; bench/stress/fluid_cases.py has the scenes; model/fluid/plan.py has
+bench/stress/trial.py defines the result of a law; bench/stress/fluid_cases.py has the scenes; model/fluid/plan.py has
 the stages of a step; docs/method/cases.md names the rows.
 """
 
@@ -42,7 +42,7 @@ REPORTED, MISSED = "neighbours told as lost, off what NumPy counts", "neighbours
 
 
 def _unit(trial: Trial, size: float) -> float:
-    """Unit in the last place of a number of this size."""
+    """Return the unit in the last place of a number of this size."""
     return float(np.spacing(np.float32(size) if trial.single else np.float64(size)))
 
 
@@ -110,7 +110,7 @@ def falls_alone(trial: Trial) -> list[Check]:
 
 
 def parts_from_its_double(trial: Trial) -> list[Check]:
-    """F3: inside a block, without weight, one particle coincides with another, so no direction separates them.
+    """F3: inside a block, without weight, two particles coincide, so that no direction separates them.
 
     They separate (by the formula `apart`), momentum is conserved, and no speed exceeds the limit.
     """
@@ -130,7 +130,7 @@ def parts_from_its_double(trial: Trial) -> list[Check]:
 
 
 def two_alone(trial: Trial) -> list[Check]:
-    """F3: two coincident particles and nothing else.
+    """F3: two coincident particles alone.
 
     They may separate, since the kernel is steep at its centre, but their mean stays (no weight), and no division by
     their distance of 0 may show.

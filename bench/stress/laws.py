@@ -3,7 +3,7 @@
 A law runs a Trial and returns its checks, the decisive one first. Rows B4 to B24 of the lab's collection of hard cases;
 those of B1 are in bench/stress/stiff.py, those of B13 to B15 in numbers.py. bench/stress/cases.py has the scenes.
 
-Where published values hold less generally than stated, the verdict uses what was measured: B5, point: published to
+Where published values hold less generally than stated, the verdict uses the measured values: B5, point: published to
 return to the hanging grid. It ends in one of the net's many equilibria, depending on integrator, step size and
 rounding, so rest is required and the distance is reported. B5, line: published to stay folded 8.0 m from it. That is
 `lab` at 10 ms; others fold elsewhere, always a whole multiple of two rest lengths away. Rest within 60 s: one grid that
@@ -98,8 +98,8 @@ def to_a_line(trial: Trial) -> np.ndarray:
 def folded_line(trial: Trial) -> list[Check]:
     """B5: every row at y = 0 exactly; the run stays finite.
 
-    By symmetry the net stays folded: a link that points up instead of down carries the same weight, so each moves what
-    hangs below it by two rest lengths.
+    By symmetry the net stays folded: a link that points up instead of down carries the same weight, so each moves the
+    links below it by two rest lengths.
     """
     state = trial.run(trial.start(to_a_line(trial)), REST)
     return [
@@ -230,7 +230,8 @@ def violent(speed: float = 0.0, drag: float = 0.0) -> Law:
 
 
 def toggled(trial: Trial) -> list[Check]:
-    """B11: gravity switched on and off in turn is half of it on average: the bottom row settles at y = -9.220725 m."""
+    """B11: gravity that is switched on and off in alternate steps is half as strong on average: the bottom row settles
+    at y = -9.220725 m."""
     half = trial.scene.replace({"gravity.acceleration": 9.81 / 2})
     with trial.open(trial.start(trial.rest()), live=("gravity",)) as simulation:
         for _ in range(trial.steps(20.0 if trial.is_lab else 10.0) // 2):

@@ -1,6 +1,6 @@
 """Hard cases of bodies under load and at rest: stacks, a heavy body on a light one, heaps, and dropped bodies.
 
-bench/stress/trial.py defines what a law returns; bench/stress/body_cases.py has the scenes.
+bench/stress/trial.py defines the result of a law; bench/stress/body_cases.py has the scenes.
 """
 
 from __future__ import annotations
@@ -117,7 +117,7 @@ def lies_still(trial: Trial) -> list[Check]:
 
 
 def _lowered(trial: Trial, at: np.ndarray, body: int) -> float:
-    """Downward displacement [m] of the mean of a body's particles."""
+    """Return the downward displacement [m] of the mean of a body's particles."""
     members = trial.scene.body_set.body == body
     return float((trial.scene.body_set.position - at)[members, 1].mean())
 

@@ -47,7 +47,7 @@ IN_FULL = dict(_in_full())  # name -> complete title: `mass ratio 1:1000`, `two 
 
 @dataclass(frozen=True)
 class StoredCheck:
-    """A check as stored: `bound` as text (`< 1e-09 N`, `aim <= 1.5`), empty where there is none."""
+    """A check as stored: `bound` as text (`< 1e-09 N`, `aim <= 1.5`), empty if there is none."""
 
     name: str
     value: float | None
@@ -105,7 +105,7 @@ class HardRow:
 
     @property
     def basis(self) -> str:
-        """Origin of the decisive check's bound, in words; empty where the law itself gives it."""
+        """Source of the decisive check's bound, in words; empty if the law itself gives it."""
         return BASES.get(self.case, "")
 
     @property
@@ -218,5 +218,5 @@ def _differing(rows: Iterable[HardRow], named: Naming, counts: Callable[[set[str
 
 
 def failed(summary: HardSummary) -> bool:
-    """True if a bug of the lab was seen."""
+    """True if a bug of softlab was detected."""
     return any(row.verdict == "fail" for row in summary.rows) or bool(disagreements(summary.rows))

@@ -1,6 +1,6 @@
 """Hard case B20: rotations that clusters compute for the worst matrices, and goals of flat, straight and single ones.
 
-bench/stress/trial.py defines what a law returns; bench/stress/body_cases.py has the scene. A cluster of six particles
+bench/stress/trial.py defines the result of a law; bench/stress/body_cases.py has the scene. A cluster of six particles
 of mass 1/2 at the ends of three axes, moved to +-A e, has the matrix A, exactly and in any precision, so that any
 matrix passes through the kernels of bodies. The nearest rotation is computed in NumPy float64 by singular value
 decomposition, without anything of model/formulas.

@@ -8,9 +8,8 @@ import numpy as np
 
 
 def bodies_as_text(position: np.ndarray, body: np.ndarray, most: int = 400) -> str:
-    """Return positions (particles, 3) as JSON, a list for each `body` (particles,), at most `most` in all.
-
-    They are rounded like those of `as_text`.
+    """Return positions (particles, 3) as JSON, a list for each `body` (particles,), at most `most` in total, rounded as
+    in `as_text`.
     """
     stride = -(-len(position) // most)
     near = _rounded(np.asarray(position, dtype=np.float64))

@@ -1,6 +1,6 @@
 """Hard cases of tetrahedra: B21 to B23 of the lab's collection, and A8, the momenta of a body that flies and spins.
 
-bench/stress/trial.py defines what a law returns; bench/stress/tetrahedral_cases.py has the scenes.
+bench/stress/trial.py defines the result of a law; bench/stress/tetrahedral_cases.py has the scenes.
 """
 
 from __future__ import annotations
@@ -75,7 +75,7 @@ def squashed(trial: Trial) -> list[Check]:
 
 
 def squashed_voxels(trial: Trial) -> list[Check]:
-    """B22 as the row requires it: the same block, whose voxels keep their volume as a whole, loses less than 1 %."""
+    """B22 with `volume = "voxels"`: the same block loses less than 1 % of its volume."""
     return _squashed(trial, OF_VOXELS)
 
 
@@ -163,9 +163,8 @@ def tumbles(trial: Trial) -> list[Check]:
 
 
 def spin_fraction(turn: float, substeps: int) -> float:
-    """Return the fraction of a spin that is left, if the first substep would rotate by `turn` [rad].
-
-    It begins with the tangent's velocity, atan(turn).
+    """Return the remaining fraction of a spin whose first substep would rotate by `turn` [rad]. It begins with the
+    tangent's velocity, atan(turn).
     """
     angle = atan(turn)
     for _ in range(substeps - 1):

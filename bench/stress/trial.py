@@ -197,7 +197,7 @@ class Trial:
         """Yield the states after each number of steps in `steps`, of one run from `initial`; `scene` in place of the
         trial's.
 
-        Raises what `advance` and `checked_state` raise.
+        Raises the errors of `advance` and `checked_state`.
         """
         with self.open(initial, scene=scene) as simulation:
             for step in steps:
@@ -213,7 +213,8 @@ class Trial:
     def settle(self, simulation: Simulation) -> tuple[State, list[Check]]:
         """Continue for 60 s, and up to four times as long if the net still moves because of a soft mode.
 
-        Returns the state at rest and its checks, including the time. Raises what `advance` and `checked_state` raise.
+        Returns the state at rest and its checks, including the time. Raises the errors of `advance` and
+        `checked_state`.
         """
         for k in range(1, PARTS + 1):
             self.advance(simulation, self.steps(k * REST) - simulation.step)

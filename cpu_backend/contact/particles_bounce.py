@@ -89,8 +89,8 @@ def count_contacts(band, count, position, velocity, arrays, travel):
 
 @routine
 def push(band, count, position, velocity, weights, arrays, scales, travel):
-    """Write the velocity changes of bouncing particles into `moves`, by their place in `who`; for rigid bodies in
-    the first pass also the change that their contacts ask for alone, into `scales`."""
+    """Write the velocity changes of bouncing particles into `moves`, by their place in `who`; for rigid bodies in the
+    first pass also the change that their contacts alone require, into `scales`."""
     record, lists, contacts, old = arrays.rows.record, arrays.search.lists, arrays.contacts, arrays.old
     acting, counts = contacts.acting, contacts.counts
     first = lists.begins[band]

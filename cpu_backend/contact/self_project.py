@@ -267,7 +267,7 @@ def move(k, position, contact_counts, values, starts, links, weights, forces, po
 @routine
 def project_contacts(team, member, bands, sweeps, position, begin, contacts, weights, parameters, scratch):
     """Sweep over the contacts, all of a sweep from one state, and update `position` (3, rows, columns). Friction of
-    surfaces has as many sweeps, after all those that push: contacts are rubbed by what they bear together.
+    surfaces has as many sweeps, after all those that push: friction follows the sum of their normal impulses.
 
     `contacts`: (found, corners, values, starts, links, around); `scratch`: (points, loads, forces).
     """

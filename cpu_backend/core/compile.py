@@ -1,7 +1,7 @@
 """Compilation of formulas and kernels for the CPU, and the cache of machine code between runs.
 
 A function is identified by its content (model/base/digest.py): two factories that make the same function share one,
-whatever they call their variant, and the content of a kernel is part of the name of its machine code's file
+whatever the name of their variant, and the content of a kernel is part of the name of its machine code's file
 (model/base/kernel_cache.py).
 """
 
@@ -84,7 +84,7 @@ class Compiler:
         return self.variant_of(real, features, inline).of(module)
 
     def variant_of(self, real: Real, features: Mapping[str, Any] | None = None, inline: bool = False) -> Variant:
-        """Return what compiles formulas in a precision, `compiled` or `inlined`; see model/base/variant.py."""
+        """Return the compiler of formulas in a precision, `compiled` or `inlined`; see model/base/variant.py."""
         variant = real, inline, frozenset((features or {}).items())
         if variant not in self._variants:
             ways = {"row": self.row, "inlined": self.inlined}

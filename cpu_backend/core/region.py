@@ -45,7 +45,7 @@ class LinkedLibrary(JITCodeLibrary):
 
 
 class _BodyLibrary(LinkedLibrary):
-    """Code that a single function contains: optimised there, not on its own."""
+    """Code of a single function, which is optimised with it and not separately."""
 
     def _optimize_final_module(self) -> None:
         pass
@@ -81,7 +81,7 @@ def enter(typing_context, entry, arguments, member):
 
 
 def region(entry, arguments, members):
-    """Run the body once for each member."""
+    """Run the body once per member."""
     for member in numba.prange(members):
         enter(entry, arguments, np.int64(member))
 

@@ -256,7 +256,8 @@ class RowsSimulation(CpuSimulation):
 
     @property
     def current(self) -> np.ndarray:
-        """(2 x dimensions, rows, columns): positions, then velocities now, axis by axis; a view of the storage."""
+        """Return (2 x dimensions, rows, columns): positions, then velocities now, axis by axis; a view of the
+        storage."""
         return self._layout.view(self._flat)
 
     @property
@@ -266,7 +267,7 @@ class RowsSimulation(CpuSimulation):
 
     @property
     def pinned_position(self) -> np.ndarray:
-        """(dimensions, pins): positions of the pinned masses. They never move, so any state has them."""
+        """Return (dimensions, pins): positions of the pinned masses. They never move, so any state has them."""
         return self._layout.view(self._snapshot)[: self.scene.dimensions, self._pin_row, self._pin_column]
 
     def _store_snapshot(self) -> None:

@@ -77,7 +77,7 @@ def flushes():
 
 
 def description() -> str:
-    """Return what `fast` math does with subnormals on this machine."""
+    """Return a description of how `fast` math treats subnormals on this machine."""
     if FLUSH:
         return "fast math flushes subnormals"
     return f"fast math does not flush subnormals on {MACHINE}, so float32 scenes at rest run slower"

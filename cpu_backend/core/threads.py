@@ -1,8 +1,8 @@
 """Number of threads, the words for it such as `2x`, and how idle threads wait.
 
-numba reads NUMBA_NUM_THREADS once, when it is imported, and later can only use fewer. So this module, imported before
-numba anywhere in the lab, asks for four times the cores. If numba was imported first (a notebook), asking for more than
-it has is an error that says what to do.
+numba reads NUMBA_NUM_THREADS once, when it is imported, and later can only use fewer. So this module, which is imported
+before numba, requests four times the cores. If numba was imported first (in a notebook), a request for more is an error
+with a remedy.
 
 The OpenMP runtime also reads how to wait when it is loaded. By default GNU's spins for milliseconds, as long as the
 time slice of another program: if two threads and that program share two cores, each synchronisation may take a slice.
@@ -88,7 +88,7 @@ def thread_count(word: str | int) -> int:
 
 
 def wait_policy() -> str:
-    """Return what idle OpenMP threads do.
+    """Return the wait policy of idle OpenMP threads.
 
     `brief`: spin for microseconds, then sleep, the lab's own choice; `passive` (sleep) or `active` (spin): set by
     OMP_WAIT_POLICY; `custom`: set by GOMP_SPINCOUNT or KMP_BLOCKTIME; `default`: spin for milliseconds, as numba was

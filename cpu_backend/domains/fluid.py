@@ -98,6 +98,6 @@ class FluidWindow(Fluid):
         return bad if bad < 0 else int(np.sort(self._state.number[: self.there])[bad])
 
     def multipliers_at(self, places: np.ndarray) -> np.ndarray:
-        """Return the multipliers of the last substep [m^2], by place after it."""
+        """Return the multipliers of the last substep [m^2], by the order after it."""
         multipliers: np.ndarray = self._world.work.multiplier[places]
         return multipliers

@@ -24,7 +24,7 @@ class Halo:
         raise NotImplementedError
 
     def take(self, source: int) -> None:
-        """Write what was received from rank `source` into the state."""
+        """Write the data received from rank `source` into the state."""
         raise NotImplementedError
 
 

@@ -29,7 +29,7 @@ class Meeting:
         self.barrier = threading.Barrier(count)
 
     def all_of(self, rank: int, what: Any) -> Sequence[Any]:
-        """Return the values `what` of all ranks."""
+        """Return the value `what` of every rank."""
         self.posted[rank] = what
         try:
             self.barrier.wait(self.patience)

@@ -47,7 +47,7 @@ class RankExchange(Exchange):
         raise NotImplementedError
 
     def _receive(self, rank: int, message: np.ndarray) -> None:
-        """Return when the message has arrived. Raises BackendUnavailable if none comes."""
+        """Return when the message has arrived. Raises BackendUnavailable on a timeout."""
         raise NotImplementedError
 
     def _finish(self) -> None:

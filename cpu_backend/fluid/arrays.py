@@ -17,7 +17,7 @@ class Sizes(NamedTuple):
 
 
 class State(NamedTuple):
-    """What a substep starts from: positions, velocities, numbers and fluids of the active particles."""
+    """The start of a substep: positions, velocities, numbers and fluids of the active particles."""
 
     position: np.ndarray
     velocity: np.ndarray

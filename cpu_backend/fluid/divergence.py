@@ -38,7 +38,7 @@ from softlab.model.formulas.fluid.motion import drifted, limited_change, slowed,
 
 @routine
 def approach(s, many, world, parameters, vector, total):
-    """Sum over the neighbours of slice s what a vector field contributes to the rate of C, into `total`."""
+    """Add the contribution of a vector field to the rate of C, summed over the neighbours of slice s, to `total`."""
     capacity, lists = world.sizes.room, world.lists
     base, place = np.int64(s) * LANES, world.in_order.position
     for lane in range(LANES):

@@ -24,8 +24,8 @@ def approaches(
     many, first, entries, x, y, z, u, v, w, centre_x, centre_y, centre_z, centre_u, centre_v, centre_w, sides,
     support, inverse, scale, total,
 ):  # fmt: skip
-    """Add to `total` what a vector (u, v, w) of each particle contributes to the constraints. The arguments are those of
-    cpu_backend/fluid/pairs.py."""
+    """Add the contribution of a vector (u, v, w) of each particle to the constraints to `total`. The arguments are
+    those of cpu_backend/fluid/pairs.py."""
     for k in range(many):
         for lane in range(LANES):
             j = entries[k * LANES + lane]

@@ -108,7 +108,7 @@ def is_in_sink(sink, x, y, z):
 
 @routine
 def drain(part, shared, world, flow):
-    """Give the particles of a band that a sink removes the cell GONE."""
+    """Assign the cell GONE to the particles of a band that a sink removes."""
     count, capacity, unsorted, table = world.sizes.particles, world.sizes.room, world.unsorted, world.table
     place, number, cell, there, sinks = unsorted.position, world.state.number, table.cell, flow.active, flow.sinks
     for k in range(count * part // shared, count * (part + 1) // shared):
@@ -134,7 +134,7 @@ def there_of(world, flow):
 
 @routine
 def emit(team, member, bands, number, world, parameters, flow):
-    """Emit the particles of a substep, by a team."""
+    """Emit the particles of a substep, in a team."""
     for part in assigned(team, member, bands):
         if part == 0:
             emit_particles(number, world, parameters, flow)

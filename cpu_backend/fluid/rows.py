@@ -67,7 +67,7 @@ def relax_rows(lattice_sum, scale, total, wall_part, factor, multiplier, delta, 
 
 @row_routine
 def move_rows(fluid, fluids, delta, wx, wy, wz, px, py, pz, ax, ay, az, vx, vy, vz):
-    """Turn the corrections a into positions, and set v to 0."""
+    """Compute positions from the corrections a, and set v to 0."""
     for lane in range(LANES):
         x, y, z, weight = ax[lane], ay[lane], az[lane], fluids[row_of(fluid, lane) + F_WEIGHT]
         if FEATURE.walls:

@@ -1,7 +1,7 @@
 """Position-based fluids on CPU threads (M. Macklin and M. Mueller, SIGGRAPH 2013); model/fluid/plan.py defines a
 substep.
 
-Particles are stored in the order of their cells, and sorted anew in each substep. Kernels: `fused`, many steps in one
+Particles are stored in the order of their cells, and sorted again in each substep. Kernels: `fused`, many steps in one
 call by a team of threads, and `stages`, one parallel loop per stage. In `exact` math both give the same bits, for any
 number of threads.
 """
@@ -118,7 +118,7 @@ class Fluid(FluidSimulation, ParticlesSimulation):
 
     @property
     def _now(self) -> tuple[np.ndarray, ...]:
-        """The arrays that a substep starts from: the state, and which particles are active."""
+        """Arrays that a substep starts from: the state, and which particles are active."""
         return (*self._state, self._flow.particles, self._flow.active) if self._flow else self._state
 
     @property

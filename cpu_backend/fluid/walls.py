@@ -101,7 +101,7 @@ plane_row, sphere_row, capsule_row, box_row, mesh_row, field_row = (
 
 @routine
 def wall_rows(bodies, kinds, time, parameters, x, y, z, wall_part, gx, gy, gz):
-    """Write what all colliders at `time` [s] contribute to the density of LANES particles, and its gradient."""
+    """Write the contribution of all colliders at `time` [s] to the density of LANES particles, and its gradient."""
     for lane in range(LANES):
         wall_part[lane], gx[lane], gy[lane], gz[lane] = 0.0, 0.0, 0.0, 0.0
     scales = parameters.support, parameters.inverse_wall, parameters.wall_scale, parameters.wall_gradient

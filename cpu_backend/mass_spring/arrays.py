@@ -33,7 +33,7 @@ class Sheet(NamedTuple):
 
 class ImplicitArrays(NamedTuple):
     """Arrays of implicit Euler: WORK_PLANES planes, a row of scratch and LANES sums of each band, sums of segments, the
-    tree that adds them, counters of a simulation, what passes leave for the next."""
+    tree that adds them, counters of a simulation, values that passes leave for the next."""
 
     work: np.ndarray
     scratches: np.ndarray

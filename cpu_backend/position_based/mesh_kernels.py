@@ -129,7 +129,7 @@ def touch_masses(first, last, substep, fresh, before, position, pushes, paramete
     """Apply the colliders within iterations to positions.
 
     `pushes` (masses, 3) [m]: displacement by colliders so far, 0 if `fresh`. Colliders act on the position without it,
-    so that they hold a mass by what all constraints did to it since the substep began.
+    so that they act on a mass with all that constraints did to it since the substep began.
     """
     inverse_h = parameters.inverse_substep
     for k in range(first, last):

@@ -57,7 +57,7 @@ def is_coupled(c, count, arrays):
 
 @routine
 def gather_couples(c, position, count, arrays, scratch):
-    """Write the turn of cluster `c`."""
+    """Write the rotation of cluster `c` due to its couples."""
     spins, n = arrays.couples.spins, SPIN * c
     if not is_coupled(c, count, arrays):
         for number in range(SPIN):
@@ -83,7 +83,7 @@ def gather_couples(c, position, count, arrays, scratch):
 
 @routine
 def turn_particles(first, last, position, travel, weights, count, arrays):
-    """Turn particles with their clusters and set their couples to 0."""
+    """Rotate particles with their clusters and set their couples to 0."""
     starts, clusters, cluster_weights, spins, couples, _ = arrays.couples
     for i in range(first, last):
         j, k = count + i, 2 * count + i
@@ -106,7 +106,7 @@ def turn_particles(first, last, position, travel, weights, count, arrays):
 
 @routine
 def turn(team, member, bands, position, travel, weights, count, arrays, scratch, pitch):
-    """Turn all clusters, then all particles; `pitch`: numbers in a band's scratch."""
+    """Rotate all clusters, then all particles; `pitch`: numbers in a band's scratch."""
     clusters = arrays.couples.entries.centres.size // 4
     for band in assigned(team, member, bands):
         band_scratch = row_at(scratch, np.int64(pitch * band))

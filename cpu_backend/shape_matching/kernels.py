@@ -221,7 +221,7 @@ def move_lone(c, position, count, arrays, factors, frames, travel):
 
 @routine
 def move_particles(first, last, position, count, particle_clusters, frames, travel):
-    """Move the particles of any clusters, whose goals they gather."""
+    """Move the particles of any clusters, gathering their goals."""
     starts, clusters, rests, factors = particle_clusters
     for k in range(first, last):
         px, py, pz = position[k], position[count + k], position[2 * count + k]

@@ -56,7 +56,7 @@ def add_members(n, step, x, middle, weights, centre, total, turn):
 
 @routine
 def sum_line(n, region, x, plane, weights, centre, line, pitch):
-    """Write the sums over windows along a row of masses at x."""
+    """Write, for a row of masses, the sums over windows along x."""
     clear(n, LINE, pitch, line)
     for place in range(-region, region + 1):
         first = max(0, -place)

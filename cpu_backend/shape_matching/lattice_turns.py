@@ -29,7 +29,7 @@ def times(a, b, c, d, e, f, g, h, i, columns):
 
 @row_routine
 def near_row(n, t, xx, yx, zx, xy, yy, zy, xz, yz, zz, w, x, y, z, to_w, to_x, to_y, to_z, reached):
-    """Write the rotations of a row of windows from their moments, and whether the iteration `reached` them."""
+    """Write the rotations of a row of windows from their moments, and whether the iteration converged (`reached`)."""
     start = t[0], t[1], t[2], t[3], t[4], t[5], t[6], t[7], t[8]
     for k in range(n):
         moments = times(xx[k], xy[k], xz[k], yx[k], yy[k], yz[k], zx[k], zy[k], zz[k], start)
@@ -39,7 +39,7 @@ def near_row(n, t, xx, yx, zx, xy, yy, zy, xz, yz, zz, w, x, y, z, to_w, to_x, t
 
 @routine
 def far_of(a, n, t, w, x, y, z):
-    """Return the rotation of a window whose moments are `n` apart."""
+    """Return the rotation of a window whose moments are `n` apart in memory."""
     start = t[0], t[1], t[2], t[3], t[4], t[5], t[6], t[7], t[8]
     moments = times(a[0], a[3 * n], a[6 * n], a[n], a[4 * n], a[7 * n], a[2 * n], a[5 * n], a[8 * n], start)
     return rotation_3d_far(moments, (w, x, y, z))
@@ -47,7 +47,7 @@ def far_of(a, n, t, w, x, y, z):
 
 @row_routine
 def matrix_row(n, t, w, x, y, z, xx, yx, zx, xy, yy, zy, xz, yz, zz):
-    """Write the matrices of a row of rotations as the columns that turn rest offsets."""
+    """Write a row of rotations as the matrices that rotate rest offsets, column by column."""
     back = t[0], t[3], t[6], t[1], t[4], t[7], t[2], t[5], t[8]
     for k in range(n):
         xx[k], xy[k], xz[k], yx[k], yy[k], yz[k], zx[k], zy[k], zz[k] = times(
@@ -57,7 +57,7 @@ def matrix_row(n, t, w, x, y, z, xx, yx, zx, xy, yy, zy, xz, yz, zz):
 
 @routine
 def turn_row(n, t, window, rotation, new_rotation, clusters, reached):
-    """Compute the rotations of a row of windows from their sums, which become the columns that turn rest
+    """Compute the rotations of a row of windows from their sums, which are replaced by the columns that rotate rest
     offsets."""
     a, old, new = row_at(window, 3 * n), row_at(reached, n), new_rotation
     copy(n, QUATERNION, rotation, clusters, old, n)  # `rotation` and `new_rotation` may be the same array
@@ -81,7 +81,7 @@ def turn_row(n, t, window, rotation, new_rotation, clusters, reached):
 
 @row_routine
 def centre_row(n, of_slice, inverse, total):
-    """Turn the sums of a row of windows into their centres."""
+    """Replace the sums of a row of windows by their centres."""
     for k in range(n):
         total[k] = centre(total[k], of_slice[k], inverse)
 

@@ -72,7 +72,7 @@ class Layout:
 
 
 def entries_of(clusters: Clusters, slots: np.ndarray, real: Real) -> tuple[ClusterArrays, np.ndarray]:
-    """Return the arrays of clusters, none of them known to be straight, and the place of each entry in them."""
+    """Return the arrays of clusters, assuming none of them to be straight, and the position of each entry in them."""
     sizes = np.diff(clusters.offsets)
     starts = blocks_of(sizes)
     place = np.arange(len(clusters.indices)) + np.repeat(starts[:-1] - clusters.offsets[:-1], sizes)

@@ -53,7 +53,7 @@ def add_members(count, step, x, y, weights, middle_x, middle_y, centres, l0, l1,
 
 @routine
 def sum_line(columns, stride, x, y, table, line):
-    """Write the sums along a row of masses."""
+    """Write, for a row of masses, the sums over windows along it."""
     for k in range(LINE):
         clear(columns, row_at(line, k * stride))
     for place in range(-FEATURE.region, FEATURE.region + 1):
@@ -118,7 +118,7 @@ def add_clusters(count, step, c0, c1, c2, c3, middle_x, middle_y, centres, rest,
 
 @routine
 def sum_goals(columns, stride, cluster, table, rest, goals):
-    """Write the sums along a row of clusters."""
+    """Write, for a row of clusters, the sums over windows along it."""
     for k in range(GOALS):
         clear(columns, row_at(goals, k * stride))
     for number in range(2 * FEATURE.region + 1):

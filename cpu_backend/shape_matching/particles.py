@@ -48,7 +48,7 @@ def predict_rows(
 ):  # fmt: skip
     """Predict blocks of particles; `first`: place of the first one.
 
-    With RATES velocities become those of the travels at once, which are then not stored.
+    With RATES the travels are converted to velocities at once and not stored.
     """
     h = parameters.dt
     for block in range(blocks):

@@ -56,7 +56,7 @@ class VertexBlockDescent(Tetrahedra):
 
     @cached_property
     def _holds(self) -> np.ndarray:
-        """(particles, 1) [N/m]: stiffness that holds each particle, which sets that of colliders."""
+        """Stiffness that holds each particle, (particles, 1) [N/m], which sets that of colliders."""
         return holding(self.scene.tetrahedra_set).astype(self.real)[:, None]
 
     @cached_property

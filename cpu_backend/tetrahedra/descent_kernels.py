@@ -1,7 +1,7 @@
 """Visits of tetrahedral bodies' vertices on CPU threads, and the loops of a step over them.
 
-No two vertices of a colour share a tetrahedron, so threads may process any part of it: the state's bits depend neither
-on their number nor on their order. model/formulas/elastic/descent.py has the formulas of a visit.
+No two vertices of a colour share a tetrahedron, so threads may process any part of it, and the bits of the state do not
+depend on their number or order. model/formulas/elastic/descent.py has the formulas of a visit.
 """
 
 from __future__ import annotations
@@ -229,7 +229,7 @@ def advance(team, member, bands, steps, state, descents, holds, world, chebyshev
 def _visits(
     compiler: Compiler, real: Real, material: int, damped: bool, parts: frozenset[str]
 ) -> tuple[Variant, dict[str, Any]]:
-    """Return the variant of a material's visits, and what fills the open names in them."""
+    """Return the variant of a material's visits, and the functions for the open names in them."""
     variant = compiler.variant_of(real, kernel_features(parts) | {"material": material, "damped": damped})
     inlined = compiler.inlined(variant.copied(descent.element))
     return variant, {"element": inlined, "touch": collide_mass}

@@ -15,8 +15,8 @@ Empty = tuple[()]
 
 
 class Inputs(NamedTuple):
-    """What a step reads besides its state: constants, integers of random forces, surface triangles, colliders, pins that
-    are driven."""
+    """Inputs of a step besides its state: constants, integers of random forces, surface triangles, colliders, driven
+    pins."""
 
     parameters: np.ndarray
     integers: np.ndarray

@@ -72,7 +72,7 @@ def gather(first, last, position, rows, blocks, groups, coarse):
 
 @routine
 def restrict(first, last, position, residual, groups, coarse):
-    """Write the residual of groups, seen by rigid motions."""
+    """Write the residual of groups, projected onto rigid motions."""
     starts, members = groups.starts, groups.members
     for group in range(first, last):
         a, b, c, d, e, f = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0

@@ -66,7 +66,7 @@ def energies(first, last, points, since, elements, forces, sums):
 
 @routine
 def complete(first, blocks_out):
-    """Compute the blocks of the first corner: with the others of a row they sum to zero."""
+    """Compute the blocks of the first corner, as the negative sum of the others of the row."""
     for i in range(3):
         for j in range(3):
             m, t = 3 * i + j, 3 * j + i

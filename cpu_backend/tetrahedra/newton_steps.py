@@ -64,8 +64,8 @@ SUMS = 2
 
 
 def control_type(real: Real) -> np.dtype:
-    """Return the structured type of what passes leave for the next: its kind, solves done, Counts and Values of
-    formulas/elastic/newton.py."""
+    """Return the structured type of the values that passes leave for the next: its kind, solves done, Counts and Values
+    of formulas/elastic/newton.py."""
     integers = [(name, np.int64) for name in ("next", "solved", *Counts._fields)]
     numbers = [(name, real) for name in Values._fields]
     return np.dtype((np.record, np.dtype([*integers, *numbers], align=True)))

@@ -93,7 +93,7 @@ class Tetrahedra(MeshPositionBased):
 
     @cached_property
     def _earlier(self) -> np.ndarray:
-        """(particles, 3) [m/s]: velocities at the end of the last substep."""
+        """Velocities at the end of the last substep, (particles, 3) [m/s]."""
         return np.zeros((self.scene.tetrahedra_set.particle_count, 3), self.real)
 
     def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:

@@ -29,7 +29,7 @@ def take(band, bands, flat, slots, stride, first, rows):
 
 @routine
 def give(band, bands, rows, weights, slots, stride, first, flat):
-    """Write rows back, as `take` reads them, for particles with a weight."""
+    """Write rows back, in the form that `take` reads, for particles with a weight."""
     count = slots.size
     for k in range(count * band // bands, count * (band + 1) // bands):
         if weights[first + k] > 0.0:

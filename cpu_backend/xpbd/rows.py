@@ -85,7 +85,7 @@ def finish(blocks, position, velocity, before, inverse_h):
 
 @row_routine
 def pin(blocks, position, velocity, before, weights):
-    """Reset pinned masses, whatever collided with them."""
+    """Reset pinned masses, after collisions."""
     for j in range(blocks * BLOCK):
         free = weights[j] > 0.0
         position[j] = position[j] if free else before[j]

@@ -124,7 +124,7 @@ class PositionBased(RowsSimulation):
         return Executor(self.plan, {}, self._advance)
 
     def _reserve(self, layout: Combed) -> None:
-        """Lay out the parts of memory one after the other (PLACES)."""
+        """Allocate the parts of memory consecutively (PLACES)."""
         parts, axes, plane = self.plan.parts, self.scene.dimensions, layout.plane
         block, method = block_of(self.real), self.scene.method
         triples = triples_of(parts & WIND_PARTS)["count"]

@@ -109,7 +109,7 @@ def begin_row(i, step, position, sheet):
     """Predict a row, in place.
 
     `position`: offset of the planes of positions, which with colliders are followed by those of velocities; otherwise
-    velocities have one place for both buffers of positions.
+    both buffers of positions use one set of velocities.
     """
     memory, places, parameters, integers = sheet.memory, sheet.places, sheet.parameters, sheet.integers
     row_places, row_uneven = sheet.row_places, sheet.row_uneven

@@ -68,7 +68,7 @@ class SurfaceContacts(HeldContacts):
         return np.append(neighbour_record(pairs, self._real), pairs[:, :, G_SEARCH_RADIUS].max()).astype(self._real)
 
     def _ratio_of(self, scene: Scene) -> np.ndarray:
-        """Return the ratios of Meeting; without any one number that is not read."""
+        """Return the ratios of Meeting; a single unread number if there are none."""
         return np.ones(1, self._real) if self._meeting.ratio is None else self._meeting.ratio(scene).astype(self._real)
 
     @property

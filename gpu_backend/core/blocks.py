@@ -29,8 +29,8 @@ if simulated():
 
         @instruction
         def read_flag(flags: Any, index: Any) -> Any:
-            """Return the current flags[index]; what its writer wrote before can be read after the block's next
-            barrier."""
+            """Return the current flags[index]; everything written before by the writer can be read after the block's
+            next barrier."""
             return flags[index]
 
         return raise_flag, read_flag

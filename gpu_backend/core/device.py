@@ -1,4 +1,4 @@
-"""Check for a GPU that can run the lab; if there is none, what is missing and how to install it."""
+"""Check for a GPU that can run softlab; if there is none, the reason and the remedy."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ ALIGNMENT = None if simulated() else 16  # of shared memory: a pair of float64 i
 
 @cache
 def _probe() -> tuple[str, str]:
-    """Return ("", the device's name) or (what is missing, the remedy)."""
+    """Return ("", the device's name) or (the reason, the remedy)."""
     try:
         from numba import cuda
     except ImportError as error:

@@ -94,7 +94,7 @@ def _variant(real: Real, math: str, inline: bool, features: frozenset[tuple[str,
 
 
 def device_variant(real: Real, math: str, features: Mapping[str, Any] | None = None, inline: bool = False) -> Variant:
-    """Return what compiles formulas as device functions for `math`; see model/base/variant.py."""
+    """Return the compiler of formulas as device functions for `math`; see model/base/variant.py."""
     return _variant(real, math, inline, frozenset((features or {}).items()))
 
 

@@ -11,7 +11,7 @@ from softlab.model.base.variant import inlined_routine
 
 @inlined_routine
 def barrier(flags, wanted):
-    """Wait for all blocks: every thread of each must call it, and what was written before is read after it.
+    """Wait for all blocks: every thread of each must call it, and everything written before is visible after it.
 
     `flags` (1,) int32, 0 before the launch; `wanted`: the number of blocks at first, then the last returned value.
     """

@@ -31,7 +31,7 @@ def message_size(real: Real) -> int:
 if simulated():
 
     def let_others_run() -> None:
-        """Let the senders run while a receiver waits, if the simulator's threads take turns."""
+        """Let the senders run while a receiver waits, if the simulator's threads alternate."""
         getattr(threading.current_thread(), "give_way", _no_turns)()
 
     def _no_turns() -> None:

@@ -2,7 +2,8 @@
 its address.
 
 If an index is summed in the kernel's integers, the compiler cannot exclude that the sum wraps around, and computes
-every neighbour's address anew. These intrinsics offset the address itself. Under the simulator they are plain indexing.
+every neighbour's address again. These intrinsics offset the address itself. Under the simulator they are plain
+indexing.
 """
 
 from __future__ import annotations

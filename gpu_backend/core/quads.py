@@ -26,13 +26,13 @@ if simulated():
 
     @instruction
     def load_quad(array: Any, index: Any) -> Any:
-        """Return (x, y, z, spare) of mass `index` in a flat array of scalars."""
+        """Return (x, y, z, fourth number) of mass `index` in a flat array of scalars."""
         k = SIZE * int(index)
         return array[k], array[k + 1], array[k + 2], array[k + 3]
 
     @instruction
     def store_quad(array: Any, index: Any, x: Any, y: Any, z: Any, spare: Any) -> None:
-        """Set mass `index` = (x, y, z, spare)."""
+        """Set mass `index` = (x, y, z, fourth number)."""
         k = SIZE * int(index)
         array[k], array[k + 1], array[k + 2], array[k + 3] = x, y, z, spare
 
@@ -56,7 +56,7 @@ else:
 
     @intrinsic
     def load_quad(typing_context, array, index):
-        """Return (x, y, z, spare) of mass `index` in a flat array of scalars."""
+        """Return (x, y, z, fourth number) of mass `index` in a flat array of scalars."""
 
         def generate(context, builder, signature, arguments):
             pointers, width = _places(
@@ -74,7 +74,7 @@ else:
 
     @intrinsic
     def store_quad(typing_context, array, index, x, y, z, spare):
-        """Set mass `index` = (x, y, z, spare)."""
+        """Set mass `index` = (x, y, z, fourth number)."""
 
         def generate(context, builder, signature, arguments):
             kind = signature.args[0]

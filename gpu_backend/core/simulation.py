@@ -82,7 +82,9 @@ class CudaSimulation(Simulation):
         """Raise SceneError if a launch of blocks over the sheet has more of them than CUDA allows."""
         if -(-self.body.rows // BLOCK[1]) > MAX_BLOCKS_DOWN:
             most = MAX_BLOCKS_DOWN * BLOCK[1]
-            raise SceneError(f"{sheet}.rows", self.body.rows, f"at most {most} rows on the gpu; turn the sheet")
+            raise SceneError(
+                f"{sheet}.rows", self.body.rows, f"at most {most} rows on the gpu; exchange rows and columns"
+            )
 
     def _start(self, threads: int = 256) -> None:
         """Allocate everything for a step on the device, in the state at time 0. `threads`: of a block of `_flat`."""
@@ -100,7 +102,7 @@ class CudaSimulation(Simulation):
         return max(1, -(-count // threads)), threads, self.stream
 
     def on_device(self, array: np.ndarray) -> DeviceArray:
-        """Return a flat device copy of an array; for an empty one, which kernels do not take, a quad of zeros."""
+        """Return a flat device copy of an array; for an empty one, which kernels do not accept, a quad of zeros."""
         flat = np.ascontiguousarray(array).reshape(-1)
         return cuda.to_device(flat if flat.size else np.zeros(4, array.dtype), stream=self.stream)
 

@@ -1,4 +1,4 @@
-"""Tiles of a sheet, one for each block: their names, what a multiprocessor runs of them, and how a grid is divided.
+"""Tiles of a sheet, one for each block: their names, how many a multiprocessor runs, and how a grid is divided.
 
 A tile of a block is `columns` wide and `strips * strip` rows high; each thread has a strip of `strip` masses of one
 column in registers. Advanced by itself, a tile loses one ring of masses per step, those that an outside neighbour would

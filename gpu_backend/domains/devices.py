@@ -38,8 +38,8 @@ def devices_for(count: int) -> list[int]:
     here = gpu_count()
     if count > here and not sharing():
         raise BackendUnavailable(
-            f"{count} GPUs were asked for, and {here} {'is' if here == 1 else 'are'} here",
-            f"use --gpus {here}, or {OVERSUBSCRIBE}=1, with which windows take turns on one GPU, to try it",
+            f"{count} GPUs were requested, and {here} {'is' if here == 1 else 'are'} here",
+            f"use --gpus {here}, or {OVERSUBSCRIBE}=1, which lets windows alternate on one GPU, for tests",
         )
     if min(count, here) > 1:
         _unload_once_at_exit()
@@ -107,7 +107,7 @@ def _enable(here: int, there: int) -> None:
     if not can_access(here, there):
         raise BackendUnavailable(
             f"GPU {here} has no access to the memory of GPU {there}",
-            "use --link nccl, which goes another way, or --gpus 1; softlab doctor shows how they are linked",
+            "use --link nccl or --gpus 1; softlab doctor shows how they are linked",
         )
     with at(there):
         other = cuda.current_context().handle

@@ -79,7 +79,7 @@ class FlagExchange(Exchange):
         return (2, 8, stream) if simulated() else (blocks_for(self._count(border)), THREADS, stream)
 
     def push(self, border: Border, stream: Stream, nothing: bool = False) -> None:
-        """Push a border into the inbox of its target; queued on its source's GPU."""
+        """Push a border into the inbox of its target, queued on the GPU of its source."""
         state, count = self.states[border.source], 0 if nothing else self._count(border)
         self._kernels.push[self._launch(border, stream)](
             *state.now, np.int32(border.from_row * state.row), np.int32(count), self._inbox[border], self._flags[border],
@@ -87,7 +87,7 @@ class FlagExchange(Exchange):
         )  # fmt: skip
 
     def take(self, border: Border, stream: Stream, nothing: bool = False) -> None:
-        """Copy a halo from the inbox, once it has arrived; queued on its target's GPU."""
+        """Copy a halo from the inbox, once it has arrived, queued on the GPU of its target."""
         state, count = self.states[border.target], 0 if nothing else self._count(border)
         launch = self._launch(border, stream)
         self._kernels.wait[1, MOST_BLOCKS, stream](
@@ -119,7 +119,7 @@ class FlagExchange(Exchange):
                 if window.fetch(self.failed[place]) != 0:
                     raise BackendUnavailable(
                         f"a neighbour of GPU {self.devices[place]} does not answer",
-                        "start the run again, or use --link nccl, which waits without flags",
+                        "start the run again, or use --link nccl",
                     )
 
 

@@ -46,7 +46,7 @@ def blocks_for(units: int) -> int:
 
 @routine
 def pull_some(position, velocity, places, new_position, new_velocity, new_places, count):
-    """Copy unit `places[k]` of a neighbour's state to unit `new_places[k]` of the own state, k < count."""
+    """Copy unit `places[k]` of a neighbour's state to unit `new_places[k]` of the local state, k < count."""
     k = np.int32(cuda.grid(1))
     if k < count:
         p, v = load_pair(position, places[k]), load_pair(velocity, places[k])

@@ -47,8 +47,8 @@ def _started(library: Any) -> Iterator[None]:
 
 
 def _has_access(library: Any, one: Any, other: Any) -> bool:
-    """Return True if both read and write each other's memory. pynvml 13.615 has a tuple, by a comma too many, for one
-    of these."""
+    """Return True if both read and write each other's memory. pynvml 13.615 defines one of these as a tuple, because of
+    a superfluous comma."""
     named = library.NVML_P2P_CAPS_INDEX_READ, library.NVML_P2P_CAPS_INDEX_WRITE
     kinds = [kind[0] if isinstance(kind, tuple) else kind for kind in named]
     directions = ((one, other), (other, one))

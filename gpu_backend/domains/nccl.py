@@ -150,14 +150,14 @@ class NcclSimulation(GpuWindows):
             place = self._world.Split_type(mpi().COMM_TYPE_SHARED).Get_rank()  # among the processes of this host
             if place >= gpu_count() and not sharing():
                 raise BackendUnavailable(
-                    f"process {place} of this host has no GPU: {gpu_count()} are here",
-                    "start as many on each as it has GPUs",
+                    f"process {place} of this host has no GPU; the host has {gpu_count()}",
+                    "start one process per GPU",
                 )
             places, devices = [self._world.Get_rank()], [place % gpu_count()]
         else:
             self._world, places, devices = None, list(range(count)), devices_for(count)
             if len(set(devices)) < count:
-                raise BackendUnavailable("NCCL takes a GPU for each window, and windows share one", "use --link flags")
+                raise BackendUnavailable("NCCL needs one GPU per window", "use --link flags")
         super().__init__(scene, options, cut(scene, count, steps, "--gpus"), places, devices)
 
     def _connect(self) -> NcclExchange:

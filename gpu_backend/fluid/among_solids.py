@@ -90,7 +90,7 @@ class FluidAmongSolids(Fluid):
     # ------------------------------------------------------------------ coupling to solids
 
     def known(self, particle: DeviceArray) -> Arguments:
-        """Return the arguments of kernels about particles, whose numbers are `particle`."""
+        """Return the arguments of kernels that need particles' numbers `particle`."""
         return self.record, *self.lists, particle, np.int32(self._fluid_count), self._kinds
 
     def sample(self, particles: Particles) -> None:

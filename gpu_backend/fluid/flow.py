@@ -40,8 +40,8 @@ class Flow:
         return emitter_rows(simulation.scene, simulation._emitter_state, simulation.real).reshape(-1)
 
     def _sink_rows(self) -> np.ndarray:
-        """Return the rows of sinks; without any one zero, as an array needs a number: a half space without
-        particles."""
+        """Return the rows of sinks; if there are none, a row of zeros (a half space without particles), because an
+        array needs a number."""
         rows = sink_rows(self._simulation.scene, self._simulation.real)
         return rows.reshape(-1) if len(rows) else np.zeros(1, self._simulation.real)
 

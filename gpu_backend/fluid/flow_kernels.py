@@ -1,9 +1,10 @@
 """Emitters and sinks on CUDA (model/fluid/plan.py, 0 and 2): launches of fixed sizes, whose threads return at once in
 substeps without anything due.
 
-`due` (one thread) counts what leaves each nozzle. `rank` and `totals` sum up the inactive particles, by number, as
-integers, so that `emit`, one thread per number, knows which of them it becomes. `arrive` (one thread) counts them as
-active. Particles in a sink get no cell in `take`, which replaces `hash_particles`, and `rest` stores how many are left.
+`due` (one thread) counts the particles that leave each nozzle. `rank` and `totals` sum up the inactive particles, by
+number, as integers, so that `emit`, one thread per number, knows which of them it becomes. `arrive` (one thread) counts
+them as active. Particles in a sink get no cell in `take`, which replaces `hash_particles`, and `rest` stores how many
+are left.
 """
 
 from __future__ import annotations
@@ -63,7 +64,8 @@ DUE_FIELDS = 3
 
 @routine
 def due(counter, place, substeps, substep, record, emitters, due_now, layers):
-    """Write what is due into `due_now` (emitters + 1, DUE_FIELDS), flat, int32; D_NEEDED of the last row: the sum."""
+    """Write the number of particles to emit into `due_now` (emitters + 1, DUE_FIELDS), flat, int32; D_NEEDED of the
+    last row: the sum."""
     if cuda.grid(1) == 0:
         parameters, count, total = record[0], np.int32(layers.size), np.int32(0)
         _, number = clock(counter, place, substeps, substep)

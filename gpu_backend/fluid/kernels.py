@@ -1,7 +1,7 @@
 """CUDA kernels of a fluid's constraint: lists, factors, densities and corrections, one thread per particle.
 
-`stages` runs `find`, `factors`, `density` and `correct` of model/fluid/plan.py one by one. The other kernels fuse what
-needs no neighbour's result: `prepare` is the first three, all at the predicted positions, and `settle`
+`stages` runs `find`, `factors`, `density` and `correct` of model/fluid/plan.py one by one. The other kernels fuse
+stages that need no neighbour's result: `prepare` is the first three, all at the predicted positions, and `settle`
 (gpu_backend/fluid/motion.py) a substep's last correction and what follows. In `exact` math both give the same bits.
 
 Bytes per particle in float32, with n neighbours (28 in space), whose quads come from the caches; flop from

@@ -1,6 +1,6 @@
 """Position-based fluids on CUDA: a substep is a dozen launches, all in the order of cells.
 
-The method, and every order of summation, is in model/fluid/plan.py. Particles are sorted anew in every substep;
+The method, and every order of summation, is in model/fluid/plan.py. Particles are sorted again in every substep;
 `particle` is the number of each, and results are read in the scene's order. Kernels: `launch`; `graph`, the same
 captured as a CUDA graph; `stages`, stage by stage. In `exact` math all give the same bits as the CPU.
 """
@@ -68,7 +68,7 @@ class Fluid(FluidSimulation, SubstepSimulation):
         needed += cell_bytes(count, self.most_cells, self.neighbours, item)
         field = f"{self.scene.fluid_set.names[0]}.rest_distance"
         if max(self.most_cells, SIZE * count) > np.iinfo(np.int32).max:
-            raise SceneError(field, f"{count} particles", "more than 32-bit indices can tell apart")
+            raise SceneError(field, f"{count} particles", "more than 32-bit indices can number")
         self._require_memory(needed, field, f"{count} particles")
 
     # ------------------------------------------------------------------ arrays and kernels
@@ -101,7 +101,7 @@ class Fluid(FluidSimulation, SubstepSimulation):
 
     @property
     def _fluid_of(self) -> np.ndarray:
-        """(particles,): the number of each particle's fluid."""
+        """Return (particles,): the number of each particle's fluid."""
         return self.scene.fluid_set.fluid
 
     @property

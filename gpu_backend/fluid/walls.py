@@ -110,7 +110,7 @@ def over_walls(sums, p, world, step, arguments):
 
 @inlined_routine
 def joined(so_far, surface, bodies, at, end, parameters, turns, nothing):
-    """Add one more wall to a density and its gradient."""
+    """Add one more wall to the sums of density and gradient."""
     total, gx, gy, gz = so_far
     t = wall_near(beyond(surface[0], bodies[at + B_THICKNESS]), parameters.inverse_wall)
     wall_part, slope = wall_density(t, parameters.wall_scale), wall_slope(t, parameters.wall_gradient)

@@ -129,7 +129,7 @@ class TileLaunches:
             self._epoch = (self._epoch + exchanges + 2**31) % 2**32 - 2**31  # compared by difference: may wrap around
 
     def launch_many(self, parity: int, count: int) -> None:
-        """Do `count` launches of as many passes as the tile can do by itself, the first from the buffer `parity`."""
+        """Do `count` launches of as many passes as the halo of the tile allows, the first from the buffer `parity`."""
         self.simulation._current = parity
         for number in range(count):
             self.launch(number * self.tile.halo, self.tile.halo)

@@ -27,7 +27,7 @@ def measured_tiles(
 def fastest(times: Mapping[tuple[str, Tile | None], float]) -> tuple[str, Tile | None, str]:
     """Return (kernel, tile, reason) of the least of the times [us per step]."""
     (first, *others) = sorted(times, key=lambda choice: times[choice])
-    reason = f"{times[first]:.2g} us a step by the table"
+    reason = f"{times[first]:.2g} us per step by the table"
     if others:
         kernel, tile = others[0]
         reason += f", next {kernel}{f':{tile.name}' if tile else ''} with {times[others[0]]:.2g}"

@@ -188,7 +188,7 @@ class MeshPositionBased(DrivenSimulation, SubstepSimulation):
             self._touching.release[self._flat](position, self._pushes)
 
     def _when(self, place: int, substep: int) -> Arguments:
-        """Return the arguments of kernels about the time of a substep."""
+        """Return the time arguments of kernels of a substep."""
         return self._counter, np.int64(place), np.int64(self.scene.method.substeps), np.int64(substep)
 
     def begin_substep(self, place: int, substep: int) -> None:

@@ -23,7 +23,7 @@ from softlab.model.base.variant import routine
 def touch(before, position, pushes, record, bodies, integers, counter, place, substeps, substep):
     """Write positions after colliders; `pushes` (quads) [m]: their displacement by colliders so far.
 
-    Colliders act on the position without it, so that they hold a mass by what all constraints did to it since the
+    Colliders act on the position without it, so that they act on a mass with all that constraints did to it since the
     substep began.
     """
     world = World(record[0], bodies, integers)

@@ -1,5 +1,5 @@
 """CUDA kernels of the moments of friction between particles (model/formulas/shape_matching/couple.py): LANES threads
-sum those of a cluster, one computes its turn, one thread per particle turns with its clusters."""
+sum those of a cluster, one computes its rotation, one thread per particle rotates with its clusters."""
 
 from __future__ import annotations
 

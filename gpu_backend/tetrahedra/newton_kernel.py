@@ -77,7 +77,8 @@ def packed(arrays: Sequence[np.ndarray]) -> np.ndarray:
 
 @inlined_routine
 def vectors_of(position, velocity, working):
-    """Return the arrays of particles by name. A device function returns no slice by itself, a tuple of them it does."""
+    """Return the arrays of particles by name. A device function can return a tuple of slices, but not a single
+    slice."""
     n, w = position.size, working
     return Vectors(
         position, velocity, w[:n], w[n : 2 * n], w[2 * n : 3 * n], w[3 * n : 4 * n], w[4 * n : 5 * n], w[5 * n : 6 * n],

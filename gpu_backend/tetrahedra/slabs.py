@@ -1,7 +1,7 @@
 """Bodies of voxels divided into slabs of whole layers across their longest side, a block of threads each.
 
 A slab begins with an even layer. Even layers share no vertex with one another, nor do odd ones, and all even layers are
-projected before all odd ones (model/tetrahedra/voxel_order.py). So a slab does its even layers by itself, receives the
+projected before all odd ones (model/tetrahedra/voxel_order.py). So a slab does its even layers alone, receives the
 vertices of the common side from the next slab, does its odd layers, and sends those vertices back.
 """
 

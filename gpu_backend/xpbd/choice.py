@@ -153,7 +153,7 @@ def default_choice(scene: Scene, real: Real, parts: frozenset[str], limits: tupl
 
 
 def xpbd_kernel(scene: Scene, real: Real, parts: frozenset[str], asked: str | None) -> Choice:
-    """Return the kernel asked for, or the default. Raises SceneError for one that cannot run the scene.
+    """Return the requested kernel, or the default. Raises SceneError for one that cannot run the scene.
 
     Also as `one-block:THREADS` or `tiled:ROWSxCOLUMNSxTHREADSdDEPTH`: a tile that owns so many rows and columns.
     """

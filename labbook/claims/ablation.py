@@ -13,7 +13,7 @@ CLAIMS = Claims()
 
 @CLAIMS.add("ablation-idle", "Nothing was left out of a scene.")
 def idle(results: Results) -> Claim:
-    """Number of things that a scene does not need, which they are, and the most time that one of them saves."""
+    """Number and names of the things that a scene does not need, and the most time that one of them saves."""
     source, tables = quotable_tables(results)
     rows = needed([(table, row) for table in tables for row in table.rows])
     idle = [(table, row) for table, row in rows if table.verdict(row) == NOT_NEEDED]

@@ -109,7 +109,7 @@ def _coloured(variants: dict[str, Cost], numbers: dict[str, float]) -> str:
 
 
 def _quickest(source: Source, finding: str, backend: str) -> list[tuple[dict[str, Any], float]]:
-    """Return (description, least time of a step [s]) of the configurations of a finding on a backend."""
+    """Return (description, minimum time of a step [s]) of the configurations of a finding on a backend."""
     return [
         (m.description, m.value) for m in source.measures
         if m.name == QUICKEST and m.value and m.backend == backend and m.description.get("finding") == finding

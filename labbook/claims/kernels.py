@@ -120,9 +120,8 @@ CLAIMS["starts"] = by_backend(_starts, Sentence(
 @CLAIMS.add("crowded-fused", "", ("fused",))
 @CLAIMS.add("crowded-team", "", ("team", "fused"))
 def crowded(results: Results, kernel: str, against: str | None = None) -> Claim:
-    """A kernel with 4x threads compared with itself with 1x, or with kernel `against` with 4x.
-
-    On the smallest grid that both ran.
+    """A kernel with 4x threads compared with 1x, or with the kernel `against` with 4x, on the smallest grid that both
+    ran.
     """
     missing = f"The kernel {kernel} was not timed with more threads than cores."
     source = needed(machine_of(results, "cpu"), missing)

@@ -71,7 +71,7 @@ def usual(results: Results) -> Claim:
 
 @CLAIMS.add("tetrahedra-mesh", "What a coarse mesh costs was not measured.")
 def mesh(results: Results) -> Claim:
-    """Error of the meshes themselves, for all that were measured."""
+    """Mesh error of all meshes that were measured."""
     _, measured = needed(results.first_with(lambda source: bars(source.measures)))
     off = {b.elements: b.mesh_error for b in measured}
     texts = [f"{words.percent(abs(error))} too little in {words.count(n)} tetrahedra" for n, error in off.items()]
@@ -193,7 +193,8 @@ def _all(source: Source, backend: str) -> list[Bar]:
 
 @CLAIMS.add("tetrahedra-creeping", "Vertex block descent was not measured in motion.")
 def creeping(results: Results) -> Claim:
-    """Motion of vertex block descent, whose error does not show at rest, since a step begins where the last one ended."""
+    """Motion of vertex block descent, whose error does not show at rest because a step begins where the last one
+    ended."""
     rows = _settled(results, "vbd", DESCENT)
     by_young = {b.young: b for b in rows}
     texts = [f"{words.percent(1 + b.motion_error)} at {_pascal(young)}" for young, b in by_young.items()]

@@ -59,7 +59,8 @@ def font(size: int, bold: bool = False) -> Any:
 
 
 class Canvas:
-    """A white picture; sizes and places in pixels of a frame TALL pixels high, which `scale` converts to true ones."""
+    """A white picture; sizes and positions are in pixels of a frame TALL pixels high, which `scale` converts to actual
+    ones."""
 
     def __init__(self, width: int, height: int, scale: float):
         self.scale = scale
@@ -87,7 +88,7 @@ class Canvas:
         return wrap(text, width, lambda line: self.wide(line, size, bold))
 
     def balanced(self, text: str, width: float, size: float = 20, bold: bool = False) -> list[str]:
-        """Return the text in as many lines, of similar width."""
+        """Return the text in the same number of lines, of similar width."""
         lines = self.wrapped(text, width, size, bold)
         narrow, wide = width / max(1, len(lines)) / 1.1, width
         while wide - narrow > 4:
@@ -119,7 +120,7 @@ class Canvas:
         self.image.paste(picture, (round(x * self.scale), round(y * self.scale)))
 
     def box(self, x: float, y: float, width: float, height: float, colour: Colour) -> None:
-        """Draw a filled rectangle, at least a true pixel thick."""
+        """Draw a filled rectangle, at least one actual pixel thick."""
         left, top = round(x * self.scale), round(y * self.scale)
         right, bottom = round((x + width) * self.scale) - 1, round((y + height) * self.scale) - 1
         self.draw.rectangle((left, top, max(left, right), max(top, bottom)), fill=colour)
@@ -132,8 +133,8 @@ class Canvas:
 
 
 def wrap(text: str, width: float, wide: Callable[[str], float]) -> list[str]:
-    """Return the text in lines of at most `width` by the measure `wide`, broken at plain spaces; a longer word gets its
-    own.
+    """Return the text in lines of at most `width` by the measure `wide`, broken at plain spaces; a longer word gets a
+    line of its own.
     """
     lines: list[str] = []
     for word in text.split(" "):

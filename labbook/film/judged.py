@@ -194,7 +194,7 @@ def _draw_graph(canvas: Canvas, comparison: Judged, at: int, x: float, width: fl
 
 @dataclass(frozen=True)
 class Breaking:
-    """S1 with a step size [s] at its limit and one above it, `times` the limit; `lost`: the step at which that
+    """S1 with a step size [s] at its limit and one above it, `times` the limit; `lost`: the step at which the latter
     diverged.
     """
 

@@ -1,4 +1,4 @@
-"""Two processors side by side at true speed: each does as many steps of one grid as the store says for that time."""
+"""Two processors side by side in real time: each does as many steps of one grid as the store says for that time."""
 
 from __future__ import annotations
 
@@ -150,7 +150,7 @@ def draw_race(race: Race, backend: str, area: Area, count: int, fps: int) -> Ite
 
 
 def _foot_text(race: Race, backend: str) -> str:
-    """Return the text on what is not measured in the picture, and whose measurements these are."""
+    """Return the text on the parts of the picture that are not measured, and on the source of the measurements."""
     who = "a GPU" if backend == "gpu" else "the CPU, as no GPU is here"
     whose = "measured on this machine" if race.is_local else "the committed measurements"
     return f"States: computed for the film by {who}, in exact math: both have the same bits. Times, errors: {whose}."

@@ -24,7 +24,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Shot:
-    """A shot; `picture` draws its frames; `least`: shortest length [s], however short its text."""
+    """A shot; `picture` draws its frames; `least`: minimum duration [s], however short its text."""
 
     name: str
     heading: str

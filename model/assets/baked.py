@@ -36,12 +36,13 @@ Source = Shape | str | Path | Meshes
 def baked(
     parameters: RigidBody, mesh: Source, *, scale: float = 1.0, folder: Path | None = None, use_cache: bool = True
 ) -> BakedBody:
-    """Return the body of a mesh by `parameters`, from the cache `folder` (the user's by default) if it is there.
+    """Return the body of a mesh by `parameters`, from the cache `folder` (the user's by default) if it is stored
+    there.
 
-    `mesh`: a built-in shape, a file (whose coordinates are multiplied by `scale` [m per unit]), or what `from_mesh`
-    takes. The bits are the same with and without the cache. A file that is older, damaged or cannot be written costs
-    the time to make the body again. `use_cache` False: neither read nor written. Raises what `read_mesh` and
-    `from_mesh` raise.
+    `mesh`: a built-in shape, a file (whose coordinates are multiplied by `scale` [m per unit]), or an argument of
+    `from_mesh`. The bits are the same with and without the cache. A file that is older, damaged or cannot be written
+    costs the time to make the body again. `use_cache` False: neither read nor written. Raises the errors of `read_mesh`
+    and `from_mesh`.
     """
     inside = not isinstance(parameters, SoftSheet)  # which is a cloth
 

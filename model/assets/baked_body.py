@@ -57,13 +57,18 @@ class Report:
             f"orphans: {self.orphans}; links: {self.links}",
         ]
         if self.parts > 1:
-            lines.append(f"{self.parts} parts hang together, each moves on its own (pieces of the mesh: {self.pieces})")
+            lines.append(
+                f"{self.parts} parts are not connected and move independently (pieces of the mesh: {self.pieces})"
+            )
         elif self.pieces > 1:
-            lines.append(f"the mesh's {self.pieces} pieces hang together, as clusters reach from one to the other")
+            lines.append(
+                f"the mesh's {self.pieces} pieces move together, because clusters contain particles of several"
+            )
         if self.undetermined:
             lines.append(
-                f"{self.undetermined} of {self.clusters} clusters have fewer than 4 particles, or all on a line, and turn as "
-                "they like: a smaller particle_spacing, a larger cluster_radius or more surface_sampling mends it"
+                f"{self.undetermined} of {self.clusters} clusters have fewer than 4 particles, or all on a line, so "
+                "their rotation is undefined: a smaller particle_spacing, a larger cluster_radius or more surface_sampling "
+                "helps"
             )
         return [*lines, *self.notes]
 

@@ -96,9 +96,9 @@ def check(clusters: Clusters, links: np.ndarray, spacing: float, radius: float, 
     enough = ceiled(least_radius(clusters.position, links, spacing, pieces))
     count = len(clusters.mass)
     what = (
-        f"{len(orphans)} of {count} particles are in no cluster, and the body will just fall apart"
+        f"{len(orphans)} of {count} particles are in no cluster, and the body would fall apart"
         if len(orphans)
-        else f"the clusters share too few particles, and the body will fall into {connected} parts"
+        else f"the clusters overlap too little, and the body would fall into {connected} parts"
     )
     raise SceneError(
         "cluster_radius", radius, f"{what}; use at least {enough:g}, or a smaller cluster_spacing (now {spacing:g})"

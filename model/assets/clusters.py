@@ -54,7 +54,7 @@ class Clusters:
 
     @property
     def parts(self) -> frozenset[str]:
-        """Features of their material that need code, see `Material.parts`."""
+        """Features of the material that need code, see `Material.parts`."""
         return frozenset() if self.material is None else self.material.parts
 
     @cached_property
@@ -90,7 +90,7 @@ class Clusters:
 
     @cached_property
     def of_particle(self) -> tuple[np.ndarray, np.ndarray]:
-        """(offsets (particles + 1,), entries (entries,)) int32: each particle's entries, by their clusters."""
+        """Return (offsets (particles + 1,), entries (entries,)) int32: each particle's entries, by their clusters."""
         entries = np.arange(len(self.indices), dtype=np.int32)
         lists = grouped(self.indices, entries, len(self.mass))
         return lists.offsets, lists.indices
@@ -198,7 +198,7 @@ class Clusters:
 
 
 def binned(places: np.ndarray, weights: np.ndarray, count: int) -> np.ndarray:
-    """Return the sums of weights by place, (count,) float64, 0 where there are none."""
+    """Return the sums of weights by index, (count,) float64, 0 for indices that do not occur."""
     return np.bincount(places, weights, count).astype(np.float64)
 
 
@@ -255,7 +255,7 @@ def _check(clusters: Clusters) -> None:
 
 
 def whole_clusters(clusters: Clusters) -> np.ndarray:
-    """Return which clusters are rigid, have at least two particles, and share none of them, (clusters,) bool."""
+    """Return (clusters,) bool: True for rigid clusters of at least two particles that are in no other cluster."""
     sizes, count = np.diff(clusters.offsets), clusters.count
     whole = (
         np.isinf(clusters.stiffness) & (sizes > 1) & (np.bincount(clusters.owner, clusters.weights != 1, count) == 0)

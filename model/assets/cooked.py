@@ -94,7 +94,7 @@ def cooked(
     settled = file_of_tetrahedra is not None
     if settled and (edge is not None or voxels is not None):
         field, value = ("edge", edge) if edge is not None else ("voxels", voxels)
-        raise SceneError(field, value, "a file of tetrahedra is taken as it is; leave it out")
+        raise SceneError(field, value, "a file of tetrahedra is used unchanged; leave it out")
     if settled and repair.rebuilds:
         raise SceneError(
             *(("--unite", True) if repair.unite else ("--simplify", repair.simplify)),
@@ -220,7 +220,7 @@ def _body_of_file(path: Path, scale: float) -> CookedBody:
         if "report" in arrays:
             body = _unpacked(arrays)
             if body is None:
-                raise InputError(f"{path} is no whole body, or of another version of the lab; cook it again")
+                raise InputError(f"{path} is incomplete or from another version; cook it again")
             return scaled(body, scale)
     return body_of_tetrahedra(*read_tetrahedra(path, scale))
 

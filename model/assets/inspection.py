@@ -77,7 +77,7 @@ class Inspection:
         return asdict(self) | {"roles": roles, "fits_with_fill_holes": self._filled()}
 
     def lines(self) -> list[str]:
-        """Return what a user reads."""
+        """Return the report as lines of text."""
         tetrahedra = f", {many(self.tetrahedra, 'tetrahedron', 'tetrahedra')}" if self.tetrahedra else ""
         widest = f"the widest {self.widest_rim:.4g} m across" if self.widest_rim else "slits without a width"
         closed = f"{many(self.rims, 'rim')}, {widest}" if self.rims else "closed"
@@ -117,7 +117,7 @@ class Inspection:
         return () if self.filled_volume is None else tuple(name for name in BODIES if self.roles[name])
 
     def _guessed_size(self) -> str:
-        """Return what the size is with the scale that is guessed, where it is another one."""
+        """Return the size with the guessed scale, if that is not 1."""
         if self.scale != 1 or self.unit_scale in (None, 1.0):
             return ""
         sides = tuple(side * self.unit_scale for side in self.size)
@@ -133,7 +133,7 @@ def _point(place: tuple[float, ...]) -> str:
 
 
 def inspected(path: str | Path, scale: float = 1.0) -> Inspection:
-    """Return what the file holds. Raises InputError (a file that no role can read) and SceneError (scale)."""
+    """Return the content of the file. Raises InputError (a file that no role can read) and SceneError (scale)."""
     path = Path(path)
     if holds_tetrahedra(path) and path.suffix.lower() not in SURFACES:
         return _of_tetrahedra(path, scale)
@@ -171,7 +171,7 @@ def inspected(path: str | Path, scale: float = 1.0) -> Inspection:
 
 
 def _tried(make: Callable[[], T]) -> tuple[T | None, str]:
-    """Return (what was made, "") or (None, the reason why not)."""
+    """Return (the result, "") or (None, the reason why there is none)."""
     try:
         return make(), ""
     except NonManifold as error:
@@ -248,8 +248,8 @@ def _of_tetrahedra(path: Path, scale: float) -> Inspection:
 
 
 def guessed_unit(path: Path, longest: float, scale: float) -> tuple[str, float | None]:
-    """Return a guess of the file's unit by its longest side, in that unit, and the scale [m] that goes with it: what people
-    simulate is 1 mm to 20 m long."""
+    """Return a guess of the file's unit by its longest side, in that unit, and the scale [m] that goes with it:
+    simulated objects are usually 1 mm to 20 m long."""
     if scale != 1:
         return f"given by the scale: {scale:g} m", scale
     suffix = path.suffix.lower()

@@ -113,10 +113,9 @@ VALUES = V_TURN + 9
 
 @dataclass(frozen=True, eq=False)
 class LatticeCopies:
-    """Copies of a lattice, one after the other.
-
-    The first one's first particle and first cluster, their number, the `stiffness` of all their clusters [1/s^2], and
-    the initial rotation (3, 3) `turn`, to which the clusters' rotations are relative.
+    """Consecutive copies of a lattice: first particle and first cluster of the first copy, number of copies,
+    `stiffness` of all clusters [1/s^2], and the initial rotation (3, 3) `turn`, to which the clusters' rotations are
+    relative.
     """
 
     lattice: Lattice

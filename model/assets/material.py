@@ -64,12 +64,12 @@ def even(
     limit: float = 0.0,
     damping: float = 0.0,
 ) -> Material:
-    """Return the material of `count` clusters that are all alike."""
+    """Return the material of `count` identical clusters."""
     return Material(*(np.full(count, float(value)) for value in (linear, threshold, creep, limit, damping)))
 
 
 def joined(materials: Sequence[Material | None], counts: Sequence[int]) -> Material | None:
-    """Return the material of clusters one after the other, `counts` of each; None where none has any."""
+    """Return the concatenated material of clusters, `counts` of each; None for a field that none has."""
     if all(one is None for one in materials):
         return None
     whole = [even(count) if one is None else one for one, count in zip(materials, counts, strict=True)]

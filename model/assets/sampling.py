@@ -1,8 +1,7 @@
-"""Particles in a body: a lattice inside, more of them where it leaves room, and on the surface where it comes short.
-
-As the source of the idea samples (NVIDIA Flex, flexExtCreateSoftFromMesh): its volume sampling is the resolution of what is
-tried inside, its surface sampling the density of what is tried on the surface. Particles are taken from both so that none
-comes nearer to another than CLOSEST spacings and nothing that was tried could be added.
+"""Sampling of a body by particles: a lattice inside, further particles in its gaps, and particles on the surface where
+the lattice does not reach it. The parameters are those of NVIDIA Flex (flexExtCreateSoftFromMesh): the volume sampling
+is the resolution of the candidates inside, the surface sampling the density of the candidates on the surface. Particles
+are chosen from both so that none is nearer to another than CLOSEST spacings and no candidate could be added.
 """
 
 from __future__ import annotations
@@ -31,10 +30,10 @@ MIN_MASS_FRACTION = 0.25  # of the mean mass: a particle in a part too thin for 
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """`position` (particles, 3) float64 [m]: first the `interior` ones, by x, y, z on the lattice, then what filled it up,
-    then the `surface` ones; `volume` (particles,) float64 [m^3] that each stands for, of `total` [m^3]; `covered`: the part
-    of the volume within REACH spacings of a particle (1 where it is too thin to be measured); `overlapping`: the mesh
-    goes round some points more than once, or the wrong way."""
+    """`position` (particles, 3) float64 [m]: first the `interior` ones, by x, y, z on the lattice, then those in its
+    gaps, then the `surface` ones; `volume` (particles,) float64 [m^3] that each represents, of `total` [m^3];
+    `covered`: the fraction of the volume within REACH spacings of a particle (1 if the body is too thin to be
+    measured); `overlapping`: the mesh encloses some points more than once, or inside out."""
 
     position: np.ndarray
     interior: int
@@ -49,10 +48,10 @@ class Samples:
 def sample(body: Solid, spacing: float, volume_sampling: float, surface_sampling: float) -> Samples:
     """Particles about `spacing` [m] apart in a body.
 
-    `volume_sampling`: 0, no interior; else what is tried inside is a lattice of the spacing, then one of the spacing over
-    this. `surface_sampling`: how many places are tried for every square of the spacing, and along the longest side of a
-    triangle for every spacing, so that what is thinner than the spacing has some, too.
-    Raises SceneError (spacing: larger than the mesh, or too many particles), InputError (no particle).
+    `volume_sampling`: 0, no interior; else what is tried inside is a lattice of the spacing, then one of the spacing
+    over this. `surface_sampling`: number of candidates per square of the spacing, and per spacing along the longest
+    side of a triangle, so that parts thinner than the spacing have some, too. Raises SceneError (spacing: larger than
+    the mesh, or too many particles), InputError (no particle).
     """
     _check_size(body, spacing, volume_sampling, surface_sampling)
     inner, filled = np.zeros((0, 3)), 0
@@ -142,7 +141,7 @@ def _interior(body: Solid, spacing: float, sampling: float) -> tuple[np.ndarray,
 
 
 def _weights(body: Solid, spacing: float) -> np.ndarray:
-    """Return (triangles,): places tried on each, at a surface sampling of 1."""
+    """Return (triangles,): number of candidates on each, at a surface sampling of 1."""
     corners = body.position[body.triangles]
     sides = norm(np.roll(corners, -1, axis=1) - corners)
     return np.maximum(triangle_areas(body.position, body.triangles) / spacing**2, sides.max(axis=1) / spacing)

@@ -19,7 +19,7 @@ BATCH = 1 << 22  # distances at once
 
 @dataclass(frozen=True, eq=False)
 class Skin:
-    """A mesh at rest and what moves it.
+    """A mesh at rest and the clusters that move it.
 
     `position` and `normal` (vertices, 3) float64 [m, 1 long], `triangles` (n, 3) int32; `clusters` (vertices, 4) int32 and
     `weights` (vertices, 4) float64, which add up to 1, largest first; where a body has fewer than four clusters the last

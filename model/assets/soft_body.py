@@ -41,9 +41,9 @@ OVERLAPPING = "parts of the mesh overlap one another, or cross themselves: what 
 class RigidBody(Part):
     """A body of one rigid cluster, sampled from a closed mesh.
 
-    `volume_sampling`: 0, nothing inside; 1, a lattice of the particle spacing; over it, what is left is filled from a lattice
-    so many times finer. `surface_sampling`: places tried on the surface for each square of the spacing; 0, none.
-    Of `density` and `mass`, of the whole body, give one.
+    `volume_sampling`: 0, nothing inside; 1, a lattice of the particle spacing; above 1, gaps are filled from a lattice
+    that many times finer. `surface_sampling`: candidates on the surface per square of the spacing; 0, none. Give either
+    `density` or `mass`, of the whole body.
     """
 
     lacks: ClassVar[tuple[str, ...]] = ()  # fields of the classes that it is made from
@@ -81,7 +81,7 @@ class RigidBody(Part):
         """Return the body of a closed mesh: a TriangleMesh (`model.geometry.mesh.read_mesh`,
         `model.geometry.shapes.Shape.mesh`) or (position (vertices, 3) [m], triangles (n, 3)). The same on every call.
 
-        Raises SceneError (a parameter) and InputError (the mesh), each with what would do.
+        Raises SceneError (a parameter) and InputError (the mesh), each with a remedy.
         """
         checked = parameters_of(cls, parameters)
         return checked.with_material(checked.bake(mesh))
@@ -114,8 +114,8 @@ class RigidBody(Part):
         return BakedBody(samples.position, mass, clusters, links, length, stiffness, skin, spacing, report)
 
     def _bind(self, position: np.ndarray, mass: np.ndarray, pieces: int) -> Binding:
-        """Return what binds particles together: clusters, links (n, 2), their lengths (n,) [m] and their stiffness
-        [N/m]."""
+        """Return the links and clusters of particles: clusters, links (n, 2), their lengths (n,) [m] and their
+        stiffness [N/m]."""
         return one_cluster(position, mass), np.zeros((0, 2), np.int32), np.zeros(0), 0.0
 
     def with_material(self, body: BakedBody) -> BakedBody:
@@ -130,8 +130,8 @@ class RigidBody(Part):
             value = getattr(self, name)
             if value > (name == "volume_sampling") and value != type(self).model_fields[name].default and not added:
                 notes.append(
-                    f"{name} = {value:g} adds no particle: the lattice of particle_spacing leaves no room for any; another "
-                    "spacing leaves some"
+                    f"{name} = {value:g} adds no particle: the lattice of particle_spacing fills the body already; try "
+                    "another spacing"
                 )
         return notes
 
@@ -139,13 +139,15 @@ class RigidBody(Part):
 class SoftBody(RigidBody):
     """A body of overlapping clusters.
 
-    Clusters have their centres `cluster_spacing` apart (2 particle spacings unless given) and hold what lies within
-    `cluster_radius` (1.25 cluster spacings); `cluster_stiffness`: the square of the angular frequency at which a particle
-    swings about its goal. Particles within `link_radius` of each other are linked, 0: none, by springs of `link_stiffness`.
+    The centres of clusters are `cluster_spacing` apart (by default 2 particle spacings); a cluster contains the
+    particles within `cluster_radius` (1.25 cluster spacings). `cluster_stiffness`: the square of the angular frequency
+    at which a particle oscillates about its goal. Particles within `link_radius` of each other are linked, 0: none, by
+    springs of `link_stiffness`.
 
-    A cluster that is strained follows its particles by `linear`, 0: not at all, 1: in any shear and stretch that keeps its
-    volume. Over a strain of `plastic_threshold` it creeps towards it at the rate `plastic_creep`, 0: never, and keeps at most
-    `plastic_limit` of it (0.5 unless given). Motion in it that is not rigid decays at the rate `cluster_damping`.
+    `linear`: how far a cluster follows a strain of its particles, from 0 (not at all) to 1 (any shear and stretch that
+    preserves its volume). Above a strain of `plastic_threshold` its rest shape creeps towards the strain at the rate
+    `plastic_creep` (0: never), up to a plastic strain of `plastic_limit` (by default 0.5). Motion in it that is not
+    rigid decays at the rate `cluster_damping`.
     """
 
     cluster_spacing: Positive | None = None  # m
@@ -179,7 +181,10 @@ class SoftBody(RigidBody):
         clusters = replace(body.clusters, material=self.material(body.clusters.count))
         notes = (*body.report.notes, *self.idle(body.report))
         if clusters.parts & {"linear", "plastic"} and (flat := int(clusters.flat.sum())):
-            notes = (*notes, f"{flat} of {clusters.count} clusters are flat: they only turn, and keep no strain")
+            notes = (
+                *notes,
+                f"{flat} of {clusters.count} clusters are flat: they only rotate and have no plastic strain",
+            )
         return replace(body, clusters=clusters, report=replace(body.report, notes=notes))
 
     @model_validator(mode="after")
@@ -220,7 +225,7 @@ class SoftBody(RigidBody):
         if self.link_radius and not len(one):
             raise SceneError(
                 "link_radius", self.link_radius,
-                f"links no particles: no two are so near; try {1.5 * self.particle_spacing:.3g}, or leave it out",
+                f"links no particles, because none are that close; try {1.5 * self.particle_spacing:.3g}, or leave it out",
             )  # fmt: skip
         return np.stack([one, other], axis=1).astype(np.int32), length
 

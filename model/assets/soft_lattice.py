@@ -30,15 +30,17 @@ MAX_ENTRIES = 2**31 - 1  # of clusters: indices are 32-bit
 
 
 class SoftLattice(SoftBody):
-    """A box filled with a lattice of particles, `particle_spacing` apart, and a cluster around each of those at most `region`
-    places away along each axis: the larger, the stiffer and the smoother. What a step costs hardly hangs on it. Where a
-    spacing up to a fifth off fills the box exactly, along all axes, that one is taken; its report says so."""
+    """A box filled with a lattice of particles, `particle_spacing` apart, and a cluster around each, of the particles
+    up to `region` positions away along each axis: the larger, the stiffer and smoother. The cost of a step hardly
+    depends on it. If a spacing within 20 % fills the box exactly along all axes, it is used instead, and reported."""
 
     lacks: ClassVar[tuple[str, ...]] = (
         "volume_sampling", "surface_sampling", "cluster_spacing", "cluster_radius", "link_radius", "link_stiffness",
         "fill_holes",
     )  # fmt: skip
-    lacks_reason: ClassVar[str] = "does not apply to a lattice, which fills a box evenly; region says what moves as one"
+    lacks_reason: ClassVar[str] = (
+        "does not apply to a lattice, which fills a box evenly; `region` sets the size of its clusters"
+    )
 
     region: Count = 2
 

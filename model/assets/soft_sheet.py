@@ -18,9 +18,9 @@ from softlab.model.geometry.solid import as_mesh
 
 
 class SoftSheet(SoftBody):
-    """A sheet of a mesh's vertices: links along all edges, of `link_stiffness`, hold it against stretch and shear, clusters,
-    of `cluster_stiffness`, against bending. `density` is of its area; `particle_spacing`, what the clusters' spacing and the
-    particles' radius follow from, should be about the length of its edges."""
+    """A sheet of a mesh's vertices: links along all edges, of `link_stiffness`, hold it against stretch and shear,
+    clusters, of `cluster_stiffness`, against bending. `density` is of its area; `particle_spacing`, which determines
+    the clusters' spacing and the particles' radius, should be about the length of its edges."""
 
     lacks: ClassVar[tuple[str, ...]] = ("volume_sampling", "surface_sampling", "link_radius", "fill_holes")
     lacks_reason: ClassVar[str] = "does not apply to a sheet, whose particles are its mesh's vertices"

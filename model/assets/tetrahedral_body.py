@@ -1,5 +1,5 @@
-"""A tetrahedral body: its mesh, the surface that it carries, and the report on it; made of voxels, by a surface, or of
-tetrahedra as they are."""
+"""A tetrahedral body: its mesh, its embedded surface, and the report on it. It is built from voxels, from a surface, or
+from given tetrahedra."""
 
 from __future__ import annotations
 
@@ -27,8 +27,9 @@ class CookedBody:
     """A tetrahedral body and the surface that it carries.
 
     `voxel` (n, 3), `colour` (n,), `starts` (voxels + 1,) int32: as of VoxelMesh; empty of a body that is not of voxels.
-    `hull_position` (points, 3) float64 [m] and `hull_triangles` (m, 3) int32: the closed surface; `embedding`: what carries
-    its points. `fractions` (n, 4): what of each tetrahedron is within the surface, for each of its corners (fractions.py).
+    `hull_position` (points, 3) float64 [m] and `hull_triangles` (m, 3) int32: the closed surface; `embedding`: the
+    embedding of its points. `fractions` (n, 4): the fraction of each tetrahedron within the surface, for each of its
+    corners (fractions.py).
     """
 
     mesh: TetrahedralMesh
@@ -49,7 +50,7 @@ class CookedBody:
 
     @property
     def per_voxel(self) -> int:
-        """Tetrahedra per voxel: 5 (the first is twice as large as the others) or 6; 0 for a body that is not made of
+        """Tetrahedra per voxel: 5 (the first is twice as large as the others) or 6; 0 if the body was not built from
         voxels."""
         if not len(self.voxel):
             return 0

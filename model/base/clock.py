@@ -12,13 +12,13 @@ UNSEEN = 1e-6  # steps: a jump too small to have an effect
 
 
 class Clock(NamedTuple):
-    """The step at which the step size was last changed and its time [s]: the origin from which steps are counted."""
+    """The step and the time [s] at which the step size was last changed."""
 
     step: int = 0
     time: float = 0.0
 
     def at(self, step: int, dt: float) -> float:
-        """Return the time [s] at which step number `step` begins."""
+        """Return the time [s] at the start of step number `step`."""
         return self.time + (step - self.step) * dt
 
     def shows(self, step: int, time: float, dt: float) -> bool:

@@ -19,7 +19,7 @@ def named(place: str) -> Any:
 
 
 def component(place: str, option: str) -> Any:
-    """Return `named(place)` of a component that an installation may lack; `option` is what needs it.
+    """Return `named(place)` of an optional component; `option` is the option that needs it.
 
     Raises BackendUnavailable if it is not installed.
     """

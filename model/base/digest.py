@@ -1,7 +1,7 @@
-"""Digests: what was compiled or measured from other sources is compiled or measured anew.
+"""Digests: results of other sources are compiled or measured again.
 
-Machine code is keyed by what it is made of (`content_digest`): the bytecode of a function, the numbers in its closure, and
-the same of every function that it calls. A measurement names the text of its backend's sources (`source_digest`); when that
+Machine code is keyed by its content (`content_digest`): the bytecode of a function, the numbers in its closure, and the
+same of every function that it calls. A measurement names the text of its backend's sources (`source_digest`); when that
 changes, the keys of its kernels (bench/keys) decide if it is still valid.
 """
 
@@ -28,11 +28,10 @@ _codes: dict[tuple[int, str | None], tuple[types.CodeType, list[bytes]]] = {}
 
 
 def content_digest(*values: object) -> str:
-    """A hash (hex) of what functions are made of and of plain values: the same for the same content, in every process.
-
-    Of a function: its bytecode, constants, defaults, the values in its closure, and the globals that it names; functions
-    (compiled ones too, with their options) are looked into in turn. Line numbers, comments, docstrings and the function's
-    own name do not count. An object of which nothing is known makes a digest that no other process gets.
+    """Return a hash (hex) of the content of functions and plain values, the same in every process. For a function it
+    covers its bytecode, constants, defaults, the values in its closure, and the globals that it names; functions
+    (compiled ones too, with their options) are followed. Line numbers, comments, docstrings and the function's own name
+    do not count. An unknown object gives a digest that no other process computes.
     """
     return _Walk().digest(values).hex()[:32]
 
@@ -178,8 +177,7 @@ def _imported(file: Path) -> Iterator[str]:
 
 
 def _statements(node: ast.AST) -> Iterator[ast.AST]:
-    """Return the statements within one, itself among them, but no expressions, of which a file has twenty times as
-    many."""
+    """Return the statements within one, including itself, without expressions, which are twenty times as many."""
     yield node
     for field in ("body", "orelse", "finalbody", "handlers", "cases"):
         inside = getattr(node, field, ())

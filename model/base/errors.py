@@ -1,7 +1,7 @@
 """Errors with a reason and a remedy.
 
-Every error that a user can cause is one of these: one line with what is wrong and what to do. The command line prints
-it and exits with `exit_status`; nothing else is written. Messages are written with the options of the command line;
+Every error that a user can cause is one of these: one line with the fault and the remedy. The command line prints it
+and exits with `exit_status`; nothing else is written. Messages are written with the options of the command line;
 outside of it (`on_command_line`) they name the arguments of `open_simulation` instead.
 """
 
@@ -59,7 +59,7 @@ def _literal(word: str) -> str:
 
 
 def shortened(text: str, most: int = LONGEST) -> str:
-    """Return `text` in at most `most` characters: its beginning and end, which contain the fault and the remedy."""
+    """Return `text` in at most `most` characters: its beginning and its end, which contain the fault and the remedy."""
     if len(text) <= most:
         return text
     length = most - len(" ... ")
@@ -67,7 +67,7 @@ def shortened(text: str, most: int = LONGEST) -> str:
 
 
 def shown(value: object) -> str:
-    """Return a value as messages show it: on one line, at most LONGEST_VALUE characters, whatever it is."""
+    """Return a value for messages: on one line, at most LONGEST_VALUE characters."""
     try:
         text = repr(value)
     except (RecursionError, MemoryError):
@@ -92,7 +92,7 @@ class SoftlabError(Exception):
 class SceneError(SoftlabError):
     """A field of a scene (or an option of a command) has an invalid value.
 
-    Attributes: `field` (dotted path), `value` (as passed), `allowed` (what would be accepted).
+    Attributes: `field` (dotted path), `value` (as passed), `allowed` (accepted values, or a remedy).
     """
 
     def __init__(self, field: str, value: object, allowed: str):
@@ -102,7 +102,7 @@ class SceneError(SoftlabError):
 
 
 class InputError(SoftlabError):
-    """A file, folder or store cannot be used; the message says why and what to do."""
+    """A file, folder or store cannot be used; the message gives the reason and the remedy."""
 
 
 class UnstableTimeStep(SceneError):
@@ -120,11 +120,11 @@ class UnstableTimeStep(SceneError):
             remedy = f"over the stability limit of {integrator} here; use dt <= {limit:.6g} s"
         else:
             remedy = f"{integrator} is unstable at every step size here; choose another integrator"
-        super().__init__("method.dt", dt, remedy + ", or pass --allow-unstable to watch it break")
+        super().__init__("method.dt", dt, remedy + ", or pass --allow-unstable to run it anyway")
 
 
 class BackendUnavailable(SoftlabError):
-    """The machine lacks something (a GPU, a driver, OpenGL, a font): what is missing, and how to get it."""
+    """The machine lacks a GPU, a driver, OpenGL, a font ...; the message says what is missing and how to get it."""
 
     exit_status = 3
 

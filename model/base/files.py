@@ -46,7 +46,7 @@ def _named(path: Path) -> str:
 def check_source(path: Path | str, what: str) -> Path:
     """Return `path` if it is a regular file: neither a folder nor a pipe or device, where reading may never end.
 
-    `what`: what it should be, such as "a scene is a .toml file". Raises InputError.
+    `what`: description of the expected file, such as "a scene is a .toml file". Raises InputError.
     """
     try:
         mode = os.stat(path).st_mode
@@ -80,7 +80,7 @@ def read_text(path: Path | str, what: str) -> str:
 def check_target(path: Path | str, suffixes: tuple[str, ...], what: str = "a picture") -> Path:
     """Return `path` as a Path if `what` may be written there: known suffix, existing folder, not a folder itself.
 
-    Raises InputError. Call it before the work whose result it is.
+    Raises InputError. Call it before the work.
     """
     path = Path(path)
     name = path.name.lower()

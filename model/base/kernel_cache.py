@@ -86,7 +86,7 @@ def _unwritable(reason: object) -> None:
     """Warn once per process: a cache that cannot be written only costs time."""
     if "unwritable" not in _warned:
         _warned.add("unwritable")
-        text = f"machine code cannot be cached ({reason}): every run compiles anew"
+        text = f"machine code cannot be cached ({reason}): every run compiles again"
         warnings.warn(text, KernelCacheWarning, stacklevel=2)
 
 
@@ -116,7 +116,7 @@ class Place:
 
     @classmethod
     def from_function(cls, py_func: object, py_file: str) -> Place | None:
-        """Return the place, or None where no folder can be written."""
+        """Return the cache of a function, or None if no folder is writable."""
         return cls() if folder() else None
 
     def ensure_cache_path(self) -> None:

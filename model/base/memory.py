@@ -12,8 +12,8 @@ MAX_PARTICLES = 2**31 - 1  # flat indices are 32-bit on the GPU
 
 
 def available_bytes() -> int:
-    """Return the bytes of main memory available without swapping: the smaller of the machine's free memory and what a
-    control group (a container) still allows."""
+    """Return the bytes of main memory available without swapping: the smaller of the machine's free memory and the
+    remaining limit of a control group (a container)."""
     free, allowed = int(psutil.virtual_memory().available), _control_group_free()
     return free if allowed is None else min(free, allowed)
 

@@ -1,3 +1,3 @@
-"""Types that factories of formulas and kernels take."""
+"""Types of the arguments of formulas and kernels."""
 
 Real = type  # of a precision: np.float32 or np.float64

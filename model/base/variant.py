@@ -23,8 +23,9 @@ arithmetic is an `integer_formula`, whose products stay as they are.
 `for n in unrolled(3)` and `tuple(f(n) for n in unrolled(3))` are written out, so that n may be an index of a tuple;
 `NAMES[n]` of a module's tuple of strings is the string, so that it may name a field of a record.
 
-A kernel, and what it calls that reads or writes arrays, is a `routine`: it stands in its module and is compiled in the
-same variants, with its products as they are. `copied` is the copy of a kernel, which a backend compiles its own way.
+A kernel, or a function that it calls and that reads or writes arrays, is a `routine`: it stands in its module and is
+compiled in the same variants, with its products as they are. `copied` is the copy of a kernel, which a backend compiles
+its own way.
 """
 
 from __future__ import annotations
@@ -299,7 +300,7 @@ def row_routine(function: Callable) -> Any:
 
 
 def inlined_routine(function: Callable) -> Any:
-    """Mark a routine as one whose arguments cost more to pass than its body, or lie in registers."""
+    """Mark a routine whose arguments cost more to pass than its body, or are arrays in registers."""
     return _marked(function, rounds_products=False, how="inlined")
 
 
@@ -324,7 +325,7 @@ def place(function: Any) -> str:
 
 
 class Open:
-    """A name in a formula that `filled` replaces, usually by another formula; `signature` says by what."""
+    """An open name: `filled` replaces it, usually by a formula with this `signature`."""
 
     def __init__(self, signature: str):
         self.signature = signature
@@ -339,7 +340,7 @@ def open_constant(description: str) -> Any:
 
 
 class Filled:
-    """A formula with formulas in the place of its open names."""
+    """A formula whose open names are replaced by formulas."""
 
     def __init__(self, function: Any, names: dict[str, Any]):
         self.function, self.names, self._key = function, names, (function, frozenset(names.items()))
@@ -357,11 +358,11 @@ class Filled:
 
 
 class Inlined(Filled):
-    """A formula that is inlined with all that it calls."""
+    """A formula that is inlined together with everything that it calls."""
 
 
 def filled(function: Any, names: dict[str, Any]) -> Any:
-    """Return a formula with formulas in the place of the open `names` of it and of what it calls."""
+    """Return a formula in which the open `names` are replaced, also in the functions that it calls."""
     kind = Filled
     if isinstance(function, Filled):
         kind, function, names = type(function), function.function, {**names, **function.names}
@@ -369,13 +370,13 @@ def filled(function: Any, names: dict[str, Any]) -> Any:
 
 
 def inlined_throughout(function: Any) -> Any:
-    """Return a formula that is inlined with all that it calls: what is vectorised has no calls."""
+    """Return a formula that is inlined with all that it calls: vectorised code must not contain calls."""
     return Inlined(function.function, function.names) if isinstance(function, Filled) else Inlined(function, {})
 
 
 @cache
 def open_names(function: Any) -> frozenset[str]:
-    """Return the open names of a formula and of what it calls."""
+    """Return the open names of a formula and of everything that it calls."""
     names: set[str] = set()
     seen, left = {function}, [function]
     while left:
@@ -391,7 +392,8 @@ def open_names(function: Any) -> frozenset[str]:
 
 
 def _filled_inside(value: Any, names: dict[str, Any]) -> Any:
-    """Return what a formula with `names` calls: `value`, with those of the names that are open in it or in these."""
+    """Return `value`, which a formula with `names` calls, with those of the names filled that are open in it or in
+    these."""
     inside: dict[str, Any] = {}
     left = [value]
     while left:
@@ -447,7 +449,7 @@ class Variant:
         return Variant(self.real, compiled, dict(self.features), self.product, self.instructions, self._ways)
 
     def of(self, module: ModuleType) -> Formulas:
-        """Return the formulas of a module, compiled when they are first asked for."""
+        """Return the formulas of a module, compiled on first use."""
         return Formulas(self, module)
 
     def copied(self, formula: Any) -> FunctionType:
@@ -468,7 +470,7 @@ class Variant:
         return space[function.__name__]
 
     def _within(self, value: Any, caller: FunctionType) -> Any:
-        """Return what a global of the formula `caller` is in this variant."""
+        """Return the value of a global of the formula `caller` in this variant."""
         if is_formula(value):
             return self(value)
         if value is real:
@@ -563,7 +565,7 @@ def check_returns(function: Any, count: int, features: Mapping[str, int] | None 
 def specialised_tree(
     function: FunctionType, features: frozenset[tuple[str, Any]], rounded: bool
 ) -> tuple[ast.FunctionDef, dict[str, float]]:
-    """Return (a formula's copy, its float literals by the names they get)."""
+    """Return (a copy of a formula's tree, its float literals by the names that replace them)."""
     line, text = _definitions(inspect.getfile(function))[function.__name__]
     definition = ast.increment_lineno(parsed(text), line - 1).body[0]
     assert isinstance(definition, ast.FunctionDef)
@@ -603,7 +605,7 @@ def _unpacked(items: list[ast.expr]) -> list[ast.expr]:
 
 
 class _Specialise(ast.NodeTransformer):
-    """Puts the constants of a variant into a formula."""
+    """Replaces features and literals of a formula by the constants of a variant."""
 
     def __init__(self, features: dict[str, Any], function: Any, rounded: bool):
         self.features, self.known, self.rounded = features, function.__globals__, rounded
@@ -613,7 +615,7 @@ class _Specialise(ast.NodeTransformer):
         self.constants: dict[str, float] = {}
 
     def block(self, statements: list[ast.stmt]) -> list[ast.stmt]:
-        """Return statements without those that are never reached."""
+        """Return statements without those that are never executed."""
         live: list[ast.stmt] = []
         for statement in statements:
             visited = self.visit(statement)
@@ -663,7 +665,7 @@ class _Specialise(ast.NodeTransformer):
         return range(*(eval(bound, {"__builtins__": {}}, self.known) for bound in bounds))
 
     def _numbered(self, node: Any, target: ast.expr, number: int) -> Any:
-        """Return a copy of what a loop repeats, for one number."""
+        """Return a copy of a loop's body for one number."""
         assert isinstance(target, ast.Name)
         return _Numbered(target.id, number, self.known).visit(copy.deepcopy(node))
 
@@ -787,8 +789,8 @@ class _Specialise(ast.NodeTransformer):
 
 
 class _Numbered(ast.NodeTransformer):
-    """Puts a number in the place of a name, and computes what follows from it and from constants: an index of a tuple has
-    to be a literal."""
+    """Replaces a name by a number and evaluates constant expressions with it, because an index of a tuple has to be a
+    literal."""
 
     def __init__(self, name: str, number: int, known: Mapping[str, Any]):
         self.name, self.number, self.known = name, number, known

@@ -24,7 +24,7 @@ class Watchers(list[Callable[..., None]]):
             self.remove(watcher)
 
     def notify(self, *what: object) -> None:
-        """Call every watcher with `what`."""
+        """Call every watcher with the argument `what`."""
         for watcher in self:
             watcher(*what)
 

@@ -1,4 +1,4 @@
-"""Wording of a scene's errors: pydantic's complaints as a field, its value and what is allowed."""
+"""Wording of a scene's errors: errors of pydantic as a field, its value and the allowed values."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ COUNTS = ("none", "one", "two", "three", "four")
 
 
 def suggestion(word: str, known: Iterable[str]) -> str:
-    """Return ` (did you mean ...?)` with the nearest of `known` names, or nothing where none is near."""
+    """Return ` (did you mean ...?)` with the nearest of `known` names, or "" if none is near."""
     close = difflib.get_close_matches(word, list(known), n=1, cutoff=NEAR)
     return f" (did you mean {close[0]}?)" if close else ""
 
@@ -90,7 +90,7 @@ def _list_wanted(kind: type[Part], complaint: ErrorDetails) -> str:
 def _count_error(part: str, complaints: list[ErrorDetails], first: ErrorDetails) -> SceneError:
     """Return the error for a list of too few or too many numbers, with the number it must have.
 
-    Each length that a field can have complains by itself, a short list once for each number that it lacks.
+    Each possible length of a field gives an error, and a short list one for each missing number.
     """
     counts: dict[tuple[int | str, ...], int] = {}
     for complaint in complaints:
@@ -108,7 +108,7 @@ def _count_error(part: str, complaints: list[ErrorDetails], first: ErrorDetails)
 
 
 def _field(place: tuple[int | str, ...]) -> list[str]:
-    """Return a complaint's place without the type of list that pydantic inserts where there can be several."""
+    """Return the location of an error without the list type that pydantic inserts for unions."""
     return [str(step) for step in place if not str(step).startswith("tuple[")]
 
 

@@ -1,6 +1,7 @@
 """Attachments of vertices of tetrahedral bodies and a cloth as constraints for both backends' executors.
 
-Attachments that are pinned, and follow what they are attached to, are in model/particles/tetrahedra_set.py.
+Attachments that are pinned, and follow the object that they are attached to, are in
+model/particles/tetrahedra_set.py.
 """
 
 from __future__ import annotations
@@ -134,7 +135,7 @@ def _to_body(body_set: TetrahedraSet, name: str, attachment: Attachment) -> Rows
 
 
 def _to_cloth(body_set: TetrahedraSet, name: str, attachment: Attachment) -> Rows:
-    """Return the rows of attachments to a cloth: each vertex keeps its place in the nearest triangle, or beside it.
+    """Return the rows of attachments to a cloth: each vertex keeps its position relative to the nearest triangle.
 
     Its distance from the triangle at rest is removed by the constraint.
     """
@@ -148,7 +149,7 @@ def _to_cloth(body_set: TetrahedraSet, name: str, attachment: Attachment) -> Row
 
 
 def _check_near(body_set: TetrahedraSet, name: str, attachment: Attachment, beyond: float) -> None:
-    """Raise SceneError where a vertex is farther from what it is attached to [m] than a mean edge."""
+    """Raise SceneError if a vertex is farther from its attachment [m] than a mean edge."""
     if beyond > body_set.spacing:
-        reason = f"a vertex of {attachment.body} lies {beyond:.3g} m outside of it; attach what touches it"
+        reason = f"a vertex of {attachment.body} lies {beyond:.3g} m outside of it; attach vertices that touch it"
         raise SceneError(f"{name}.to", attachment.to, reason)

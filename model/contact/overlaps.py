@@ -53,8 +53,8 @@ def overlap_lines(scene: Scene) -> list[str]:
         inside = sum(distance < row[B_THICKNESS] for distance in _distances(*shape, pinned))
         if inside:
             lines.append(
-                f"{inside} of {len(pinned)} pinned masses begin inside a {kind} or nearer than its thickness: they stay, and "
-                "what hangs on them is pushed out beside them"
+                f"{inside} of {len(pinned)} pinned masses begin inside a {kind} or nearer than its thickness: they "
+                "stay, and the masses attached to them are pushed out"
             )
         if kind == "mesh_collider":  # a surface, without an inside
             continue
@@ -63,7 +63,11 @@ def overlap_lines(scene: Scene) -> list[str]:
             about = f"about {deep * len(free) // len(some)}" if len(some) < len(free) else str(deep)
             lines.append(
                 f"{about} of {len(free)} free masses begin deep inside a {kind}: the first step moves them to its surface "
-                + ("at once; begin beside it" if scene.fluids else "and draws their springs out; begin beside it")
+                + (
+                    "at once; start outside of it"
+                    if scene.fluids
+                    else "and stretches their springs; start outside of it"
+                )
                 + (HOLLOW if scene.fluids and kind != "plane" else "")
             )
     return lines

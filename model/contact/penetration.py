@@ -21,12 +21,11 @@ BATCH = 1 << 20  # pairs per batch
 
 @dataclass(frozen=True)
 class ContactMeasure:
-    """Gaps and crossings of pairs that share no mass and lie at least the thickness apart in the flat sheet.
+    """Gaps and crossings of pairs without a common mass that are at least the thickness apart in the flat sheet.
 
-    `min_gap` [m]: of a mass and a triangle; `min_edge_gap` [m]: of two edges; both `inf` where there are no such pairs
+    `min_gap` [m]: of a mass and a triangle; `min_edge_gap` [m]: of two edges; both `inf` if there are no such pairs
     within the thickness. `edge_misses`: pairs of edges nearer than NEAR thicknesses. `crossings`: edges through a
-    triangle with which they share no mass, at any distance in the sheet: 0 in a cloth that does not pass through
-    itself.
+    triangle without a common mass, at any distance in the sheet: 0 for a cloth that does not pass through itself.
     """
 
     min_gap: float
@@ -110,7 +109,7 @@ def _apart(first: np.ndarray, second: np.ndarray) -> np.ndarray:
 
 def _pairs(cells: np.ndarray, first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return all pairs of a feature of one cell and a feature of the other, in both directions, each once, without
-    those that share masses: (n, k), (n, l) masses."""
+    pairs with a common mass: (n, k), (n, l) masses."""
     both = np.concatenate([cells, cells[cells[:, 0] != cells[:, 1]][:, ::-1]])
     left = np.repeat(first[both[:, 0]], second.shape[1], axis=1).reshape(-1, first.shape[2])
     right = np.tile(second[both[:, 1]], (1, first.shape[1], 1)).reshape(-1, second.shape[2])

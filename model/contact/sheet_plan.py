@@ -1,4 +1,4 @@
-"""Features and stages that the plans of sheets share, whichever solver steps them (see model/core/plan.py)."""
+"""Features and stages that the plans of all sheets have in common (see model/core/plan.py)."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def present_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset
 
 
 def particle_force_stages(parts: frozenset[str], memory: int = 1) -> Stages:
-    """Return the stages of the forces on a particle alone; `memory` 0 where they cost none, since they are part of the
+    """Return the stages of the forces on single particles; `memory` 0 if they cost none, as a part of the
     prediction."""
     return tuple(
         Stage(force.stage, force.traffic * memory, force.traffic * memory, force.operations)

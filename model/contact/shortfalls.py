@@ -30,9 +30,8 @@ def can_fall_short(scene: Scene) -> bool:
 
 
 def inverted_elements(scene: Scene, position: np.ndarray) -> dict[str, int]:
-    """Return `inverted`: the number of tetrahedra, alone or in a world, without a positive volume at `position`.
-
-    {} where there are none.
+    """Return `inverted`: the number of tetrahedra, alone or in a world, without a positive volume at `position`; {}
+    without tetrahedra.
     """
     member, place = _tetrahedra_of(scene)
     if member is None or not np.isfinite(position).all():

@@ -69,7 +69,7 @@ class ContactSurface:
 
     @cached_property
     def at_particle(self) -> np.ndarray:
-        """(particles + 1,) int32: the offsets of `at_vertex`, by particle."""
+        """Return (particles + 1,) int32: the offsets of `at_vertex`, by particle."""
         lengths = np.zeros(len(self.rest), np.int32)
         lengths[self.vertices] = self.at_vertex.lengths
         return offsets_of(lengths)
@@ -160,7 +160,7 @@ def contact_distance(scene: Scene) -> float:
 
 
 def surface_record(scene: Scene, distance: float, real: Real) -> np.ndarray:
-    """Return SURFACE_CONTACT_PARAMETERS in the arithmetic `real` for surfaces that keep the `distance` [m], (1,).
+    """Return SURFACE_CONTACT_PARAMETERS in the arithmetic `real` for surfaces with the contact `distance` [m], (1,).
 
     Computed in float64, rounded once. Raises SceneError.
     """

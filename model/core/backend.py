@@ -71,7 +71,7 @@ class Backend(ABC):
         return written(self._download()[0], into)
 
     def _read_strain(self) -> np.ndarray:
-        """Return the strain of each spring, or of what replaces them, as a new host array."""
+        """Return the strain of each spring or its substitute, as a new host array."""
         return spring_strain(self.scene, self._download()[0])
 
     def _read_normal(self, into: object) -> Any:

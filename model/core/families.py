@@ -34,7 +34,7 @@ def family_of(scene: Scene) -> SolverFamily:
 
 
 def scene_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
-    """List what one step of a scene consists of.
+    """Return the plan of one step of a scene.
 
     Parameters
     ----------

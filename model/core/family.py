@@ -1,4 +1,4 @@
-"""The description of a solver family for the rest of the lab, one entry each (model/core/families.py lists them)."""
+"""Description of a solver family: one entry per family (listed in model/core/families.py)."""
 
 from __future__ import annotations
 
@@ -75,8 +75,8 @@ def counter(name: str, doc: str, count: Callable[[Any], float]) -> Field:
 
 
 def fault(name: str, doc: str, count: Callable[[Any], int]) -> Field:
-    """Return the field of a count that must be 0. `count(simulation)` may include what happened before the simulation
-    was open: to compile, all particles may lie in one place (`lost_when_opened`)."""
+    """Return the field of a count that must be 0. `count(simulation)` may include counts from before the simulation was
+    open, because compiling may put all particles at one position (`lost_when_opened`)."""
     since_opened = on_host(lambda simulation: count(simulation) - simulation.lost_when_opened.get(name, 0))
     return Field(name, "one", (), "1", doc, since_opened, fault=True)
 
@@ -136,21 +136,21 @@ class SolverFamily:
       better one is known than `frequency_bound` of model/core/integrators.py.
     - `limited_by_net`: True if that limit depends on the springs' largest frequency.
     - `note(scene)`: a line on the method's effect on a motion.
-    - `scheme_note(scene)`: what its scheme cannot do in this scene, or "".
-    - `warnings(scene)`: lines on what a run of the scene gets wrong with its settings, and on settings that help.
+    - `scheme_note(scene)`: limits of its scheme in this scene, or "".
+    - `warnings(scene)`: lines on errors of the scene's settings, and on settings that help.
     - `stored(scene, position, arrays)`: the energy [J] in springs or clusters, and of a cloth's springs also by kind.
       `arrays`: those of the state that `fields` declares, by name.
     - `strain(scene, position, kind, arrays)`: the result of read("strain"), (springs,) or (entries,).
-    - `spring_count(scene)`: the number of springs, or of what replaces them.
+    - `spring_count(scene)`: the number of springs or their substitutes.
     - `fields(scene)`: its values by name, besides positions and velocities (`Field`).
     - `solvers`, `passes`: by backend, the class that it opens and the function that describes its passes for `softlab
       plan`, as
       `module:name`, since both are in layers above the model.
-    - `clusters`: by backend, the class that the solver of position-based sheets iterates in place of constraints, in the
-      same way.
+    - `clusters`: by backend, the class that the solver of position-based sheets iterates in place of constraints, in
+      the same way.
     - `presentation`: how its scenes are drawn and described (app/presentation.py), in the same way.
     - `reference`: the module in bench/reference/ whose `simulate` computes its reference.
-    - `unknown`: why no converged reference of the motion is known, and what to use instead; None: one is known.
+    - `unknown`: why there is no converged reference of the motion, and a substitute; None: one is known.
     - `stencil(scene)`: how far a step reads along the rows of its sheet, for sharing by rows (model/domains).
     - `apart(scene)`: the bodies of a scene in which none acts on another, for sharing by bodies
       (model/core/sharing/bodies.py).

@@ -62,7 +62,7 @@ def check_live(scene: Scene, live: Iterable[str], path: str, value: object) -> N
     if part in ("springs", *CONSTRAINT_KINDS, "wind") and part not in scene.parts:
         raise SceneError(path, value, "the scene has no such part, so no code for it was compiled")
     if path in LIVE_PATHS["stiffness"] and scene.method.solver == "pbd":
-        raise SceneError(path, value, "pbd asks for none: how much it gives is method.pbd_stiffness; xpbd has it")
+        raise SceneError(path, value, "pbd has no stiffness; set method.pbd_stiffness, or use xpbd")
 
 
 def unknown_kernel(wanted: str | None, known: Iterable[str], where: str) -> SceneError:

@@ -54,7 +54,7 @@ class OwnForce:
 
 @formula
 def external(k, parameters, integers, step):
-    """The random force: uniform in (-1, 1) per axis times the magnitude; see model/formulas/random.py."""
+    """Random force, uniform in (-1, 1) per axis times the magnitude; see model/formulas/random.py."""
     words, most = philox(integers[EXTERNAL_SEED], np.uint64(step), np.uint64(k)), parameters.external
     x, y = add_external(0.0, most, words[0]), add_external(0.0, most, words[1])
     if FEATURE.axes == 2:
@@ -64,7 +64,7 @@ def external(k, parameters, integers, step):
 
 @formula
 def poke(k, parameters, integers, step):
-    """The force that acts on one particle until it is released."""
+    """Force that acts on one particle until it is released."""
     poked = np.int64(integers[POKED]) == k + 1  # explicit int64: mixed integer kinds would be converted to doubles
     x, y = parameters.poke_x if poked else 0.0, parameters.poke_y if poked else 0.0
     if FEATURE.axes == 2:
@@ -160,7 +160,7 @@ def with_force(a, k, weight, parameters, integers, step):
 
 @formula
 def in_sheet(a, k, weight, parameters, integers, step):
-    """For particles that are numbered in a window."""
+    """The same force for particles that are numbered in a window."""
     return before(a, np.int64(k) + np.int64(integers[FIRST]), weight, parameters, integers, step)
 
 

@@ -1,4 +1,4 @@
-"""The record of constants that every kernel reads: computed once in float64 and rounded once, the same on every
+"""The record of constants that every kernel reads. They are computed in float64 and rounded once, the same on every
 backend."""
 
 from __future__ import annotations

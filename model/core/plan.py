@@ -33,8 +33,8 @@ class Stage:
 
 @dataclass(frozen=True)
 class Moment:
-    """The time at which a stage runs: step number `step`, `substep` of `substeps`, `iteration`; `argument`: the stage's
-    own."""
+    """Time at which a stage runs: step number `step`, `substep` of `substeps`, `iteration`; `argument`: argument of the
+    stage."""
 
     step: int = 0
     substep: int = 0
@@ -49,7 +49,7 @@ class Moment:
 
     @property
     def fresh(self) -> bool:
-        """True in a substep's first iteration, where multipliers are 0."""
+        """True in the first iteration of a substep, where multipliers are 0."""
         return self.iteration == 0
 
 
@@ -116,7 +116,7 @@ class Plan:
             yield stage, replace(at, step=step)
 
     def has(self, name: str) -> bool:
-        """Return True if a step has a stage of that name."""
+        """Return True if a step has a stage with this name."""
         return any(stage.name == name for stage in self.root.stages())
 
 

@@ -79,12 +79,12 @@ class Simulation(Stepping):
 
     @property
     def outputs(self) -> Mapping[str, Field]:
-        """What `read` returns, by name."""
+        """Outputs that `read` returns, by name."""
         return {name: field for name, field in self.fields.items() if field.read}
 
     @cached_property
     def state_fields(self) -> Sequence[tuple[Field, Simulation]]:
-        """The arrays of the state besides positions and velocities, and the simulation that has each."""
+        """Arrays of the state besides positions and velocities, and the simulation that has each."""
         return [(field, self) for field in self.fields.values() if field.is_state]
 
     def counters(self) -> dict[str, float]:
@@ -92,16 +92,18 @@ class Simulation(Stepping):
         return {name: self.read(name) for name, field in self.fields.items() if field.rows == "one"}
 
     def faults(self) -> dict[str, int]:
-        """Return the counts since opening of what did not fit into lists of fixed length; {} without contacts."""
+        """Return the counts, since opening, of entries that did not fit into lists of fixed length; {} without
+        contacts."""
         return {name: self.read(name) for name, field in self.fields.items() if field.fault}
 
     @property
     def stages(self) -> Mapping[str, StageRun]:
-        """The function that runs each stage of the plan by itself, by name; only with the kernel `stages`."""
+        """Functions that run single stages of the plan, by name; only with the kernel `stages`."""
         return self._executor.stages
 
     def warm_up(self, steps: int = 1) -> None:
-        """Compile, and on a GPU capture, what `steps` steps need, and keep the state.
+        """Compile, and on a GPU capture, the kernels for `steps` steps, and keep the state. Otherwise the first
+        `advance` includes compiling, which takes up to a minute.
 
         Otherwise the first `advance` includes compiling, which takes up to a minute.
 
@@ -253,7 +255,7 @@ class Simulation(Stepping):
         raise SceneError("body", number, NO_BODIES)
 
     def read(self, name: str, into: object = None) -> Any:
-        """Read an output, which is computed when it is asked for. Does not check for divergence.
+        """Read an output, which is computed on request. Does not check for divergence.
 
         Parameters
         ----------

@@ -31,7 +31,7 @@ class State:
     step : int
         Steps since the scene's start.
     rotation : (clusters, 4) float array, optional
-        Unit quaternions (w, x, y, z) of bodies, from which the next rotations are computed; None: computed anew.
+        Unit quaternions (w, x, y, z) of bodies, from which the next rotations are computed; None: computed again.
     plastic : (clusters, 3, 3) float array, optional
         Plastic deformation of bodies' rest offsets, of determinant 1; None: no deformation.
     clock : Clock

@@ -1,10 +1,10 @@
-"""Steps of a simulation, the search for the first bad one, and pins that let go: what is the same for every backend.
+"""Steps of a simulation, the search for the first bad one, and the release of pins: the part common to all backends.
 
 The state is checked at intervals (model/core/stability/divergence.py). A good one is copied to a snapshot on the
 device; from there the steps up to a bad one are repeated, to find the step and the particle where it began.
 
-At the step that reaches the time of a release the solver is opened again, in place, for the scene without those pins, and
-continues from the state. A release costs what opening costs, and is the same on every backend.
+At the step that reaches the time of a release the solver is opened again, in place, for the scene without those pins,
+and continues from the state. A release costs as much as opening, and is the same on every backend.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ NEVER = 2**62  # steps
 
 
 class Releasing(Backend):
-    """Pins that let go: what `Stepping` and `Simulation` need."""
+    """Pins that are released during a run: common part of `Stepping` and `Simulation`."""
 
     options: Options
     backend: str
@@ -44,22 +44,22 @@ class Releasing(Backend):
 
     @abstractmethod
     def state(self) -> State:
-        """Copy the state to the host, see Simulation."""
+        """Copy the state to the host, see Simulation.state."""
 
     @abstractmethod
     def load(self, state: State) -> None:
-        """Continue from a state, see Simulation."""
+        """Continue from a state, see Simulation.load."""
 
     @abstractmethod
     def faults(self) -> dict[str, int]:
-        """Return the counts that make a run incomplete, see Simulation."""
+        """Return the counts that make a run incomplete, see Simulation.faults."""
 
     @abstractmethod
     def _apply_poke(self, particle: int, force: tuple[float, ...]) -> None:
         """Apply a force [N] to a particle from now on; -1: to none."""
 
     def _steps_to_release(self) -> int:
-        """Number of steps, at least 1, until the next pins let go."""
+        """Return the number of steps, at least 1, until the next pins are released."""
         dt = self.scene.method.dt
         waits = [ceil((time - self.time) / dt - UNSEEN) for time, _ in self.scene.whole.phases]
         return min((steps for steps in waits if steps > 0), default=NEVER)
@@ -70,7 +70,7 @@ class Releasing(Backend):
         return self.body if scene is self.scene or self._entering else build(scene)
 
     def _let_go(self) -> None:
-        """Free the pins whose time has come."""
+        """Release the pins whose time has come."""
         if self.scene.at(self.time) is not self.scene:
             state = self.state()
             self._enter(self.time)

@@ -9,8 +9,8 @@ from softlab.model.base.errors import SceneError
 
 @dataclass(frozen=True)
 class Link:
-    """A link between two neighbours, used in both directions at once. `latency` [s], `bandwidth` [B/s], `source`: of
-    these numbers."""
+    """A link between two neighbours, used in both directions at once. `latency` [s], `bandwidth` [B/s], and the
+    `source` of these numbers."""
 
     name: str
     latency: float

@@ -48,8 +48,8 @@ def partitions(scene: Scene, count: int, steps: int | None, option: str) -> Part
 class PartitionedBodies(WindowedSimulation):
     """A simulation in windows of partitions, see model/domains/windows.py.
 
-    `windows` are those of the parts `local`; one of their steps is a substep of the scene. In `exact` math the bits are
-    those of a single simulation.
+    `windows` belong to the partitions `local`; one of their steps is a substep of the scene. In `exact` math the bits
+    are those of a single simulation.
     """
 
     def __init__(self, scene: Scene, options: Options, cut: Partitions, local: Sequence[int]):
@@ -65,7 +65,7 @@ class PartitionedBodies(WindowedSimulation):
         self._open_windows(cut.count, parts)
 
     def _window_scene(self, scene: Scene, some: ParticleSet) -> Scene:
-        """Return the `scene` with `some` in place of all its bodies, whose step is a substep of it."""
+        """Return the `scene` with the bodies `some` instead of all, whose step is a substep of the scene."""
         window = scene.stepped(dt=scene.method.dt / scene.method.substeps, substeps=1)
         return window.with_particles(self.partitions.mesh.attribute, some)
 

@@ -22,7 +22,7 @@ TURN = 64  # steps requested of one GPU before the next one: a full queue blocks
 
 
 def is_apart(scene: Scene) -> bool:
-    """Return True if the scene is shared by bodies, not by rows."""
+    """Return True if the scene is divided by bodies and not by rows."""
     return family_of(scene).apart is not None
 
 

@@ -59,7 +59,8 @@ class SharedFluid(FluidSimulation, WindowedSimulation):
         self._each(lambda window: window.take_box(box))
 
     def _send(self, slabs: Slabs, last: bool = False) -> None:
-        """Send the owned particles to all windows that contain them with these slabs; `last`: right after a substep."""
+        """Send the owned particles to all windows that contain them with these slabs; `last`: directly after a
+        substep."""
         messages, staying = [], []
         for place, (number, values) in enumerate(self._each(lambda window: window.particles())):
             owned, along, sent = self._owned[place][number], values[slabs.axis], []

@@ -25,10 +25,12 @@ def cut(scene: Scene, count: int, steps: int | None, option: str) -> Decompositi
 
 
 def stencil_of(scene: Scene, count: int, option: str) -> Stencil:
-    """Return the rows that a step of the scene's sheet reads. Raises SceneError if the scene cannot be shared."""
+    """Return the rows that a step of the scene's sheet reads. Raises SceneError if the scene cannot be divided."""
     family = family_of(scene)
     if family.stencil is None:
-        raise SceneError(option, count, f"a {family.name} is not shared among processes or GPUs; leave {option} out")
+        raise SceneError(
+            option, count, f"a {family.name} is not supported on several GPUs or processes; leave {option} out"
+        )
     return family.stencil(scene)
 
 
@@ -60,7 +62,7 @@ class DecomposedSimulation(WindowedSimulation):
         super().__init__(scene, options)
         stencil = family_of(scene).stencil
         if stencil is not None and not stencil(scene).numbered and force_features(scene, options.live):
-            raise SceneError("live", "poke", "pulls a mass of the whole sheet: run it as one, not shared")
+            raise SceneError("live", "poke", "pulls a mass of the whole sheet; run the scene on one GPU or process")
         self.decomposition, self.local = cut, [cut.domains[k] for k in local]
         self.plan = scene_plan(scene, options.live)
         self.firsts = [domain.window_first * cut.columns for domain in self.local]

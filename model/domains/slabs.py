@@ -49,9 +49,10 @@ class Slabs:
 
 
 def fluid_halo_of(scene: Scene) -> float:
-    """Return the halo of the scene's slabs [m].
+    """Return the halo of the scene's slabs [m]. Raises SceneError if the scene's family, or a part of it, cannot be
+    divided into slabs.
 
-    Raises SceneError for a scene whose family, or a part of it, is not shared by slabs.
+    Raises SceneError for a scene whose family, or a part of it, cannot be divided into slabs.
     """
     halo = family_of(scene).halo
     assert halo is not None
@@ -59,7 +60,7 @@ def fluid_halo_of(scene: Scene) -> float:
 
 
 def is_in_slabs(scene: Scene) -> bool:
-    """Return True if the scene is shared by slabs of space."""
+    """Return True if the scene is divided into slabs of space."""
     return family_of(scene).halo is not None
 
 
@@ -94,7 +95,7 @@ def slabs_at_start(scene: Scene, count: int, steps: int | None, option: str) -> 
         raise SceneError(option, count, "must be at least 1")
     position, repeats = scene.fluid_set.position, _repeats(scene)
     if len(repeats) == scene.dimensions:
-        reason = "repeats along every axis, across one of which a fluid is shared: run it as one"
+        reason = "is periodic along every axis, but slabs cut one of them; run the scene on one GPU or process"
         raise SceneError(f"{scene.name_of('domain')}.repeats", list(repeats), reason)
     if count > len(position):
         raise SceneError(option, count, f"{len(position)} particles can be shared by at most as many; use fewer")

@@ -25,7 +25,7 @@ NOBODY = 2**62  # exceeds any particle's number
 def refuse_targets(options: Options) -> None:
     """Raise SceneError for live targets."""
     if "targets" in options.live:
-        raise SceneError("live", "targets", "are of all pinned vertices: run it as one, not shared")
+        raise SceneError("live", "targets", "belong to all pinned vertices; run the scene on one GPU or process")
 
 
 class WindowedSimulation(Simulation):

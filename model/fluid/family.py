@@ -34,7 +34,9 @@ def comes_to_rest(scene: Scene) -> bool:
 
 
 def springs_back(scene: Scene) -> bool:
-    """True if a drop that meets a collider may get more than a tenth of its speed u back.
+    """Return True if a drop may rebound from a collider with more than a tenth of its speed u. // The iterations of
+    `averaged` damp nothing: n of them in a substep act as a medium with a speed of sound of about sqrt(n) d / h, which
+    rebounds if u exceeds SPRINGS of that (measured: tests/public/test_splishsplash_103.py).
 
     The iterations of `averaged` take back nothing; n of them in a substep make a medium whose sound travels at about
     sqrt(n) d / h, and it springs back where u exceeds SPRINGS of that (measured: tests/public/test_splishsplash_103.py).
@@ -47,7 +49,7 @@ def springs_back(scene: Scene) -> bool:
 
 
 def scheme_notes(scene: Scene) -> list[str]:
-    """Return what the scheme cannot do in this scene: come to rest at its substep, or stop at colliders."""
+    """Return notes on what the scheme cannot do in this scene: come to rest at its substep, or stop at colliders."""
     scheme, notes = scene.method.scheme, []
     if springs_back(scene):
         notes.append(
@@ -76,7 +78,7 @@ def fluid_note(scene: Scene) -> str:
         if part.viscosity > most:
             note += f"; of {name}.viscosity only {most:.3g} Pa s act at this substep"
     if scene.method.scheme == "averaged":
-        note += "; the averaged scheme lets a fluid sink together"
+        note += "; the averaged scheme lets a fluid be compressed by its weight"
     note = "; ".join([note, *scheme_notes(scene)])
     for name, part in scene.fluids.items():
         if part.surface_tension > 0 and part.cohesion == 0:

@@ -66,7 +66,7 @@ class FoamPoints:
     def follow(self, position: np.ndarray, velocity: np.ndarray, time: float) -> None:
         """Advance to a state of the fluid, (particles, dimensions) [m], [m/s], at `time` [s].
 
-        At an earlier time, or at the first state, points start anew. Particles that are not finite, or beyond NOWHERE,
+        At an earlier time, or at the first state, points start again. Particles that are not finite, or beyond NOWHERE,
         are ignored.
         """
         if time < self._time or self._time < 0:

@@ -1,4 +1,4 @@
-"""The distance that a substep of a fluid reads, for sharing by slabs of space (model/domains/slabs.py)."""
+"""The distance that a substep of a fluid reads, for slabs of space (model/domains/slabs.py)."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from softlab.model.fluid.plan import SHAPES, SMOOTHING, fluid_parts
 from softlab.model.scene.scene import Scene
 from softlab.model.tables.fluid import WIDER
 
-APART = "is not shared among processes or GPUs yet"
+APART = "is not supported on several GPUs or processes"
 
 
 def fluid_supports(scene: Scene) -> int:
@@ -23,13 +23,13 @@ def fluid_supports(scene: Scene) -> int:
 
 
 def fluid_halo(scene: Scene) -> float:
-    """Return the largest distance [m] from a slab, at a substep's start, of particles on which those in it depend.
+    """Return the largest distance [m] from a slab, at the start of a substep, of particles on which its own depend.
 
     Each support is one of predicted positions, and the prediction moves both ends by at most the speed limit times a
-    substep. Raises SceneError for parts that cannot be shared yet.
+    substep. Raises SceneError for parts that are not supported.
     """
     for kind, name in [("emitter", name) for name in scene.emitters] + [("sink", name) for name in scene.sinks]:
-        raise SceneError(f"{name}.kind", kind, f"{APART}: run it as one")
+        raise SceneError(f"{name}.kind", kind, f"{APART}; run the scene on one")
     if scene.foam is not None:
         raise SceneError(f"{scene.name_of('foam')}.kind", "foam", f"{APART}: leave it out")
     if scene.method.scheme == "divergence-free":

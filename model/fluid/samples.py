@@ -50,8 +50,8 @@ class Samples:
 
     @cached_property
     def carriers(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """(offsets (particles + 1,) int32, samples (n,) int32, weights (n,) float64): the samples that each particle
-        carries, in their order."""
+        """Return (offsets (particles + 1,) int32, samples (n,) int32, weights (n,) float64): the samples that each
+        particle carries, in their order."""
         there = self.weights != 0
         sample, corner = np.nonzero(there)
         particle = self.corners[sample, corner]
@@ -83,7 +83,7 @@ def triangle_samples(position: np.ndarray, triangles: np.ndarray, apart: float) 
     """Return (corners, weights) of samples of triangles (n, 3) int: their vertices, and points along their sides and
     inside.
 
-    They are at most `apart` [m] from each other along a side. Points that triangles share occur once.
+    They are at most `apart` [m] from each other along a side. A point on several triangles occurs once.
     """
     samples: dict[tuple[tuple[int, ...], tuple[int, ...]], tuple[tuple[int, ...], tuple[float, ...]]] = {}
     sides = norm(position[triangles] - position[np.roll(triangles, 1, axis=1)]).max(axis=1)
@@ -105,8 +105,8 @@ def triangle_samples(position: np.ndarray, triangles: np.ndarray, apart: float) 
 
 
 def thinned(points: np.ndarray, least: float) -> np.ndarray:
-    """Return the indices of `points` (n, 3) at least `least` [m] from every one selected before them, (selected,) int64,
-    ascending."""
+    """Return the indices (selected,) int64, ascending, of a subset of `points` (n, 3) that are at least `least` [m]
+    apart."""
     pairs = cKDTree(points).query_pairs(least * (1 - 1e-9), output_type="ndarray")
     later = grouped(pairs.min(axis=1), pairs.max(axis=1), len(points))
     selected = np.ones(len(points), bool)
@@ -140,7 +140,7 @@ def sample_volumes(points: np.ndarray, lattice: Lattice, support: float, solid: 
 def joined_samples(
     solids: Sequence[tuple[np.ndarray, np.ndarray]], volumes: Sequence[np.ndarray], lightness: np.ndarray
 ) -> Samples:
-    """Return the samples of several solids, one after the other, from (corners, weights) and volume of each."""
+    """Return the concatenated samples of several solids, from (corners, weights) and volume of each."""
     return Samples(
         np.concatenate([corners for corners, _ in solids]),
         np.concatenate([weights for _, weights in solids]),

@@ -1,4 +1,5 @@
-"""Shear modulus of the lattice on which a fluid starts, and a run's notes on what that resistance holds in place.
+"""Shear modulus of the lattice on which a fluid starts, and notes on bodies and fluids that this resistance keeps in
+place.
 
 A uniform pressure is one multiplier for all constraints C, so that a lattice under pressure has the energy of
 sum k(r), k(r) = (1 - r / support)^3, over its pairs. Its second derivative by a shear that keeps the volume is the shear

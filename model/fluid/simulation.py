@@ -16,7 +16,7 @@ class FluidSimulation(Simulation):
 
     @cached_property
     def _emitter_state(self) -> np.ndarray:
-        """The array `taps` of the state, (emitters, 2)."""
+        """Array `taps` of the state, (emitters, 2)."""
         return initial_emitter_state(self.scene)
 
     @property

@@ -96,7 +96,8 @@ def quarter_tangent(sine, cosine):
 
 @formula
 def hinge(ex, ey, ez, fx, fy, fz, gx, gy, gz):
-    """(tan(theta/4), gradients of theta [1/m] by c (3) and by d (3), positions of c and of d along the edge (2)).
+    """Return (tan(theta/4), gradients of theta [1/m] by c (3) and by d (3), positions of c and of d along the edge
+    (2)).
 
     e, f, g: b - a, c - a, d - a. All are 0 where a triangle has no area. theta > 0: the wings approach each other
     on the side of the normals.
@@ -136,6 +137,6 @@ def gradient_sum(steep, wa, wb, wc, wd, aa, bb, cc, dd):
 
 @formula
 def dihedral_change(edge, t, rest, steep, reciprocal, compliance, multiplier):
-    """(change of the multiplier [m], that times the constraint's derivative by theta). `rest`: t at rest."""
+    """Return (change of the multiplier [m], that times the constraint's derivative by theta). `rest`: t at rest."""
     change = (-(4.0 * edge * (t - rest)) - compliance * multiplier) * reciprocal
     return change, change * steep

@@ -99,8 +99,8 @@ def scaled(x, factor):
 
 @formula
 def nearest(ux, uy, uz, vx, vy, vz, px, py, pz):
-    """(feature, b, c) of the triangle's point nearest to p. u, v, p: from the first corner to the others and to the
-    mass."""
+    """Return (feature, b, c) of the triangle's point nearest to p. u, v, p: from the first corner to the others and to
+    the mass."""
     d1, d2 = dot(ux, uy, uz, px, py, pz), dot(vx, vy, vz, px, py, pz)
     if d1 <= 0.0 and d2 <= 0.0:
         return FIRST, 0.0, 0.0

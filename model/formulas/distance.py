@@ -31,7 +31,7 @@ def reciprocal(weight, stiffening, compliance):
 
 @formula
 def rigid_change(squared, rest, reciprocal):
-    """(change of the multiplier, that over the length) of an inextensible constraint.
+    """Return (change of the multiplier, that over the length) of an inextensible constraint.
 
     Both are 0 where the ends coincide and so have no direction. `squared`: |d|^2. The ends move by -+ weight *
     scale * d.
@@ -43,7 +43,7 @@ def rigid_change(squared, rest, reciprocal):
 
 @formula
 def soft_change(squared, rest, reciprocal, compliance, multiplier):
-    """(change, change over length) of a constraint with a compliance; `multiplier`: its value so far in this
+    """Return (change, change over length) of a constraint with a compliance; `multiplier`: its value so far in this
     substep (eq. 18)."""
     inverse = inverse_length(squared)
     change = 0.0
@@ -64,7 +64,7 @@ def lengthened(squared, length, along, passed):
 
 @formula
 def damped_change(squared, rest, reciprocal, compliance, multiplier, damping, along, passed):
-    """(change, change over length) of a constraint with a compliance and a damper along the spring.
+    """Return (change, change over length) of a constraint with a compliance and a damper along the spring.
 
     `along`: d . e, `passed`: e . e, with e the change of d in this substep; `damping`: gamma = alpha beta / h. The
     rate is that of the length, (C - C_before) / h in place of eq. 26's grad C . (x - x_before) / h, to which it

@@ -48,7 +48,7 @@ def cell_of(u, cells):
 
 @formula
 def sample(numbers, field, x, y, z):
-    """(distance [m], gx, gy, gz [m per cell]) at a point. Outside the box: a lower bound of the distance, and no
+    """Return (distance [m], gx, gy, gz [m per cell]) at a point. Outside the box: a lower bound of the distance, and no
     gradient.
 
     `field`: the index at which its numbers begin.
@@ -108,11 +108,11 @@ def speed_of(pair):
 
 @formula
 def settle(numbers, field, surface, spin, velocity, a, p, v):
-    """(True if the body was touched, p, v) of a mass on its path from a to p, in the body's frame.
+    """Return (True if the body was touched, p, v) of a mass on its path from a to p, in the body's frame.
 
     `spin`: the body's angular velocity [rad/s]; `velocity`: its own. The path is cut off where it enters the body. Then
-    the mass is pushed along the gradient by what its distance lacks of `thickness`, at most ROUNDS times. Where
-    there is no gradient, it is pushed back along its path, and up where it has not moved.
+    the mass is pushed along the gradient until its distance is `thickness`, at most ROUNDS times. Where there is no
+    gradient, it is pushed back along its path, and up where it has not moved.
     """
     thickness, static, dynamic, restitution, settling = surface
     (sx, sy, sz), (ux, uy, uz) = spin, velocity

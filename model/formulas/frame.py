@@ -14,7 +14,8 @@ from softlab.model.formulas.motion import sine_cosine
 
 @formula
 def rotated(x, y, z, ux, uy, uz, sine, cosine):
-    """(x, y, z) rotated about the unit axis u: O. Rodrigues' a' = a + sin t + (1 - cos) n, t = u x a, n = u x t."""
+    """Return (x, y, z) rotated about the unit axis u: O. Rodrigues' a' = a + sin t + (1 - cos) n, t = u x a, n = u x
+    t."""
     tx, ty, tz = cross(ux, uy, uz, x, y, z)
     nx, ny, nz = cross(ux, uy, uz, tx, ty, tz)
     lifted = 1.0 - cosine
@@ -28,7 +29,7 @@ settle = Open(
 
 @formula
 def touch(numbers, place, surface, path, begin, end, a, p, v):
-    """(p, v) of a mass that was at a [m] at the time `begin` [s] and is at p, moving at v, at `end`.
+    """Return (p, v) of a mass that was at a [m] at the time `begin` [s] and is at p, moving at v, at `end`.
 
     `place`: the index in `numbers` at which the collider's begin; `surface`: its thickness, static and dynamic
     friction, restitution, and the `settling` of its response; `path`: its origin at time 0, its velocity, the

@@ -131,10 +131,8 @@ def noise(velocity_squared, springs_squared, roundoff):
 
 @formula
 def after_residual(counts, values, sums, springs_squared, roundoff):
-    """(next pass, Counts, Values) once a residual is known.
-
-    A Newton step that went too far is halved. The solution is found once the residual is below NEWTON_TOLERANCE of
-    the step's first or is rounding (`noise`).
+    """Return (next pass, Counts, Values) for a known residual. A Newton step that went too far is halved. The solution
+    has converged if the residual is below NEWTON_TOLERANCE of the step's first or is rounding (`noise`).
     """
     newton, halvings, v = counts.matrices, counts.halvings, values
     squared, along, velocity_squared = sums
@@ -158,7 +156,7 @@ def after_residual(counts, values, sums, springs_squared, roundoff):
 
 @formula
 def after_product(counts, values, squared, curvature):
-    """(next pass, Counts, Values) once r.r and r.A r are known: conjugate gradients continue, or their sum is
+    """Return (next pass, Counts, Values) for known r.r and r.A r: conjugate gradients continue, or their sum is
     applied."""
     newton, halvings, iterations = counts
     v, beta, divisor = values, 0.0, curvature

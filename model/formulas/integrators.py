@@ -18,8 +18,8 @@ one_force = Open(
 
 @formula
 def difference(a, b):
-    """a - b, rounded. A backend whose fast math would cancel the terms of `a` replaces it by such an
-    instruction."""
+    """a - b, rounded. A backend whose fast math would cancel terms of `a` replaces it by an instruction that does
+    not."""
     return a - b
 
 

@@ -1,4 +1,4 @@
-"""Lengths and products of vectors, which most topics share; `fast` math replaces some by approximate instructions."""
+"""Lengths and products of vectors. `fast` math replaces some by approximate instructions."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ WHOLE_TURN = 2 * pi
 
 @formula
 def sine_cosine(turns):
-    """(sine, cosine) of 2 pi `turns`, |turns| < 2^60.
+    """Return (sine, cosine) of 2 pi `turns`, |turns| < 2^60.
 
     The nearest quarter turn is subtracted first, without rounding. With u half a unit in the last place of 1, the
     error of the remainder x = 2 pi f is 2u x; the sine's sum adds 1.4u of the value and the cosine's 1.5u. Both are

@@ -43,27 +43,27 @@ def scaled(x, inverse_cell):
 
 @formula
 def within(squared_distance, distance):
-    """True if the length is below `distance`; never where that is 0."""
+    """True if the length is below `distance`; never if that is 0."""
     return squared_distance < distance * distance
 
 
 @formula
 def split(weight, contacts, other_weight, other_contacts):
-    """1 / (w_i n_i + w_j n_j); 0 where neither can move."""
+    """1 / (w_i n_i + w_j n_j); 0 if neither can move."""
     stiffness = weight * contacts + other_weight * other_contacts
     return 1.0 / stiffness if stiffness > 0.0 else 0.0
 
 
 @formula
 def enforced_distance(distance, bx, by, bz, push):
-    """Distance [m] that the contact enforces: `distance`, but for a contact that began the substep nearer (b), no
-    more than `push` beyond that."""
+    """Distance [m] that the contact enforces: `distance`, or, if the pair began the substep nearer (b), at most b +
+    `push`."""
     return min(distance, sqrt(squared_length_3d(bx, by, bz)) + push)
 
 
 @formula
 def direction(dx, dy, dz, distance, first):
-    """(length, unit normal). Of two coincident particles the `first` moves down, the other one up."""
+    """Return (length, unit normal). Of two coincident particles the `first` moves down, the other one up."""
     length = sqrt(squared_length_3d(dx, dy, dz))
     if length > NOWHERE * distance:
         return length, dx / length, dy / length, dz / length
@@ -132,7 +132,7 @@ def touching(squared_distance, distance):
 def lacking(a, b, n, restitution, settling):
     """Speed [m/s] that is missing from the separation of two touching particles.
 
-    Restitution asks for the fraction `restitution` of the approach speed at the substep's start (a); b is the speed
+    Restitution requires the fraction `restitution` of the approach speed at the substep's start (a); b is the speed
     now. It is 0 where the approach speed is at most `settling`, and where they separate fast enough.
     """
     came = -((a[0] * n[0] + a[1] * n[1]) + a[2] * n[2])
@@ -160,7 +160,7 @@ def parting(a, b, n, restitution, settling, pressed):
 
 @formula
 def impulse(fraction, lack, pressed, inverse_h):
-    """Impulse of a contact of two rigid bodies. It removes at most what `pressed` them apart."""
+    """Impulse of a contact of two rigid bodies; it removes at most the velocity that `pressed` them apart."""
     return max(fraction * lack, -(pressed * inverse_h))
 
 

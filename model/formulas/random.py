@@ -49,7 +49,8 @@ def philox(seed, step, particle):
 
 @formula
 def uniform(word):
-    """(2 k + 1) 2^-23 - 1 with k the word's upper 23 bits: odd multiples of 2^-23, exact in 24 bits, never +-1."""
+    """Return (2 k + 1) 2^-23 - 1 with k the word's upper 23 bits: odd multiples of 2^-23, exact in 24 bits, never
+    +-1."""
     odd = real((word >> NINE) + (word >> NINE) + ONE)
     return odd * SCALE - 1.0
 

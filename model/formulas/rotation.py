@@ -61,7 +61,7 @@ LOST = 1 / 64
 
 @formula
 def rotation_2d(xx, xy, yx, yy, cosine, sine):
-    """(cosine, sine) of the rotation nearest to ((xx, xy), (yx, yy)).
+    """Return (cosine, sine) of the rotation nearest to ((xx, xy), (yx, yy)).
 
     Where all rotations are equally near (0, and matrices that mirror and scale) it is the `cosine`, `sine` passed
     in. trace(R'A) = c (xx + yy) + s (yx - xy), largest along (xx + yy, yx - xy).
@@ -101,7 +101,7 @@ def rotated(w, x, y, z, vx, vy, vz):
 
 @formula
 def unit(w, x, y, z):
-    """(w, x, y, z) over its length, with an error of at most 2.5 units of rounding instead of 4.5: the second
+    """Return (w, x, y, z) over its length, with an error of at most 2.5 units of rounding instead of 4.5: the second
     factor is the root's first two terms."""
     inverse = 1.0 / sqrt((w * w + x * x) + (y * y + z * z))
     w, x, y, z = inverse * w, inverse * x, inverse * y, inverse * z
@@ -177,7 +177,8 @@ def reached_from(a, q):
 
 @formula
 def rotation_3d_near(a, q):
-    """(w, x, y, z, True if it is the rotation nearest to A), improved from the unit quaternion q = (w, x, y, z).
+    """Return (w, x, y, z, True if it is the rotation nearest to A), improved from the unit quaternion q = (w, x, y,
+    z).
 
     Where it is not the nearest one, the unchanged quaternion: `rotation_3d_far` continues from it.
     """
@@ -225,7 +226,8 @@ def projection(matrix):
 
 @formula
 def rotation_3d_far(matrix, q):
-    """(w, x, y, z) of the rotation nearest to A; of several, the one nearest to the unit quaternion q = (w, x, y, z)."""
+    """Return (w, x, y, z) of the rotation nearest to A; of several, the one nearest to the unit quaternion q = (w, x,
+    y, z)."""
     w, x, y, z = q
     a, b, c, d, e, f, g, h, i, j = projection(normalised(matrix))
     nw, nx = (a * w + b * x) + (c * y + d * z), (b * w + e * x) + (f * y + g * z)
@@ -247,7 +249,7 @@ def rotation_3d_far(matrix, q):
 
 @formula
 def rotation_3d(a, q):
-    """(w, x, y, z) of the rotation nearest to A, from the unit quaternion q of the previous step.
+    """Return (w, x, y, z) of the rotation nearest to A, from the unit quaternion q of the previous step.
 
     It gives the same bits as `rotation_3d_near` for many at once followed by `rotation_3d_far` where that did not
     converge.

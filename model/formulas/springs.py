@@ -14,10 +14,10 @@ OPERATIONS_DAMPER = 12  # 3 differences, 5 for the product of speed and vector, 
 def spring_acceleration_2d(dx, dy, stiffness, stiffness_rest):
     """Pull on a mass whose neighbour lies at (dx, dy) [m]: Hooke's law, stiffness * (length - rest) along (dx, dy).
 
-    `stiffness_rest` is stiffness * rest_length. With stiffness in N/m the result is a force [N]; with stiffness
-    over mass [1/s^2] it is an acceleration [m/s^2], which is what the grid solvers pass. Written as
-    (k - k L0 / length) * d: one root, one quotient. Exactly antisymmetric: the pull on the neighbour, computed from
-    (-dx, -dy), is the exact negative in any rounding.
+    `stiffness_rest` is stiffness * rest_length. With stiffness in N/m the result is a force [N]; with stiffness over
+    mass [1/s^2] it is an acceleration [m/s^2], as used by the grid solvers. Written as (k - k L0 / length) * d: one
+    root, one quotient. Exactly antisymmetric: the pull on the neighbour, computed from (-dx, -dy), is the exact
+    negative in any rounding.
 
     Zero for coincident masses, whose direction is undefined: there both differences are 0.
     """

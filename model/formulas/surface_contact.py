@@ -23,7 +23,7 @@ SPLIT_OFFSET = 0.25  # added to a corner's weight where its particle's mass is s
 
 @formula
 def outward(r, distance, u, v, flat):
-    """(True if the vertex lies inside, unit direction out of the body).
+    """Return (True if the vertex lies inside, unit direction out of the body).
 
     r: from the nearest point to the vertex, of length `distance`; u, v: the triangle's edges, in the order that is
     counterclockwise from outside. Below `flat`, where r is rounding, the direction is the triangle's normal. It is
@@ -69,8 +69,8 @@ def along(a, b):
 
 @formula
 def over(p, u, v):
-    """(b, c, h): weights of the second and third corner of p's projection on the triangle's plane, and p's height
-    over it [m].
+    """Return (b, c, h): weights of the second and third corner of p's projection on the triangle's plane, and p's
+    height over it [m].
 
     p, u, v: from the first corner. All are 0 where the triangle has no area.
     """
@@ -102,7 +102,7 @@ def apart(p, q, w):
 
 @formula
 def checked(n, r, u, v, p, q, w, depth, distance):
-    """Return the check that limits `depth` > 0 [m], by a contact's plane, to what the vertex lacks of the `distance`.
+    """Return the check that limits `depth` > 0 [m], by a contact's plane, to the distance that the vertex lacks.
 
     n and the triangle's point are fixed for the substep, and the plane has no end: it reports a depth beside the
     triangle, too, where the two are apart. r: from that point to the vertex at the substep's start; u, v: the
@@ -142,8 +142,8 @@ def across(a, r):
 
 @formula
 def gradients(r, q, w):
-    """(g_2, g_3, lift): gradients [1/m] of the weights of corners two and three of a triangle with the edges q and
-    w, and the component of r along its normal [m].
+    """Return (g_2, g_3, lift): gradients [1/m] of the weights of corners two and three of a triangle with the edges q
+    and w, and the component of r along its normal [m].
 
     Where r is longer than the triangle is high, the gradients are shortened: the corners would magnify a force.
     """
@@ -193,8 +193,8 @@ def response(f, x, y, weights, masses):
 
 @formula
 def rub(n, r, slid, impulses, weights, masses, edges, before, static_friction, dynamic_friction):
-    """(j, second, third): displacement of the contact's vertex, and levers on corners two and three, for a weight
-    of 1, by friction after the sweeps that push.
+    """Return (j, second, third): displacement of the contact's vertex, and levers on corners two and three, for a
+    weight of 1, by friction after the sweeps that push.
 
     `n`: the contact's normal; `r`: from the triangle's point to the vertex; `slid`: the change of that in the
     substep [m]; `impulses`: (the normal impulse, the friction (3)) of the substep so far; `weights`

@@ -74,7 +74,7 @@ def crossing(p, q, a, b, c):
 
 @formula
 def from_edge(x, y, z, ex, ey, ez):
-    """(squared length, vector) from the nearest point of an edge e to a point at (x, y, z) from the edge's
+    """Return (squared length, vector) from the nearest point of an edge e to a point at (x, y, z) from the edge's
     start."""
     squared, part = dot(ex, ey, ez, ex, ey, ez), 0.0
     if squared > 0.0:
@@ -85,7 +85,7 @@ def from_edge(x, y, z, ex, ey, ez):
 
 @formula
 def from_triangle(q, a, b, c):
-    """(squared length [m^2], vector [m]) from the nearest point of the triangle a, b, c to q.
+    """Return (squared length [m^2], vector [m]) from the nearest point of the triangle a, b, c to q.
 
     Where q lies above the triangle, along its normal; otherwise from the nearest edge.
     """
@@ -131,7 +131,7 @@ def corners_at(numbers, t):
 
 @formula
 def first_crossing(numbers, tree, px, py, pz, qx, qy, qz):
-    """(fraction of the segment from p to q, index of the triangle that it crosses first or -1). `tree`: index of
+    """Return (fraction of the segment from p to q, index of the triangle that it crosses first or -1). `tree`: index of
     the root.
 
     It visits the nodes whose boxes overlap the segment's own box. Of two triangles crossed at once, the first in
@@ -172,7 +172,7 @@ def outside(low, x, high):
 
 @formula
 def nearest(numbers, tree, x, y, z, squared_radius):
-    """(squared distance, vector from the nearest point, index of its triangle or -1 where none is within the
+    """Return (squared distance, vector from the nearest point, index of its triangle or -1 where none is within the
     squared radius)."""
     count, node = np.int32(numbers[tree + SKIP]), np.int32(0)
     best, place, wx, wy, wz = squared_radius, np.int32(-1), 0.0, 0.0, 0.0
@@ -217,7 +217,7 @@ def speed_of(pair):
 
 @formula
 def settle(numbers, tree, surface, spin, velocity, a, p, v):
-    """(True if the mesh was touched, p, v) of a mass on its path from a to p, in the mesh's frame.
+    """Return (True if the mesh was touched, p, v) of a mass on its path from a to p, in the mesh's frame.
 
     `spin`: the mesh's angular velocity [rad/s]; `velocity`: its own. A triangle on the path puts the mass at `thickness`
     on the side that it comes from, where it would have crossed; the nearest point of the mesh pushes it out to

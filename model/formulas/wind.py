@@ -52,7 +52,7 @@ def stage_time(step, offset, dt, first_step, first_time):
 
 @formula
 def gust_interval(time, gust_time):
-    """(number of the interval that contains `time` [s], fraction of it that has passed, in [0, 1))."""
+    """Return (number of the interval that contains `time` [s], fraction of it that has passed, in [0, 1))."""
     intervals = time / gust_time
     whole = floor(intervals)
     return np.int64(whole), intervals - real(whole)

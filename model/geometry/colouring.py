@@ -95,7 +95,7 @@ def _greedy(vertices: np.ndarray, vertex_count: int, priority: np.ndarray) -> np
 
 
 def _again(vertices: np.ndarray, vertex_count: int, colours: np.ndarray, order: np.ndarray) -> np.ndarray:
-    """Return the lowest free colour for each constraint, all of a colour at once, colours in `order`, (n,) int64."""
+    """Return the lowest free colour of each constraint, all of a colour at once, colours in `order`, (n,) int64."""
     members = np.split(np.argsort(colours, kind="stable"), np.cumsum(np.bincount(colours))[:-1])
     used = np.zeros(vertex_count, dtype=np.int64)  # a bit for each colour at the vertex
     new = np.empty_like(colours)

@@ -1,5 +1,5 @@
-"""First crossings of segments with a mesh, all segments at once in NumPy, for what is drawn. Masses test theirs one by one,
-in model/formulas/triangle_tree.py.
+"""First crossings of segments with a mesh, all segments at once in NumPy, for drawing. Masses use
+model/formulas/triangle_tree.py.
 """
 
 from __future__ import annotations

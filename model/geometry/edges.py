@@ -41,18 +41,18 @@ class MeshEdges:
 
     @property
     def boundary(self) -> np.ndarray:
-        """(edges,) bool: beside one triangle only."""
+        """True for edges of a single triangle, (edges,) bool."""
         return self.triangles[:, 1] < 0
 
     @cached_property
     def vertex_triangles(self) -> Lists:
-        """The triangles that each vertex is a corner of, ascending."""
+        """Triangles of which each vertex is a corner, ascending."""
         corner = self.corners.ravel()
         return grouped(corner, np.arange(len(corner), dtype=np.int32) // 3, self.vertex_count)
 
     @cached_property
     def neighbours(self) -> Lists:
-        """The vertices that share an edge with each vertex, ascending."""
+        """Vertices that are joined to each vertex by an edge, ascending."""
         low, high = self.edges.T  # edges ascend, so that a vertex' lower neighbours do, and its higher ones after them
         return grouped(np.concatenate([high, low]), np.concatenate([low, high]), self.vertex_count)
 
@@ -71,7 +71,7 @@ class MeshEdges:
 def mesh_edges(vertex_count: int, triangles: np.ndarray) -> MeshEdges:
     """Return the edges of `triangles` (n, 3), each of three different vertices 0 ... vertex_count - 1.
 
-    Raises NonManifold where more than two triangles meet at an edge: what bends there has no two sides.
+    Raises NonManifold for an edge of more than two triangles, where bending is undefined.
     """
     corners = np.ascontiguousarray(triangles, dtype=np.int32).reshape(-1, 3)
     start, end = corners.ravel(), corners[:, [1, 2, 0]].ravel()

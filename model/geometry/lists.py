@@ -22,7 +22,7 @@ class Lists:
 
     @property
     def lengths(self) -> np.ndarray:
-        """(lists,) int32."""
+        """Return (lists,) int32."""
         return np.diff(self.offsets)
 
 

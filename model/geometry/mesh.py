@@ -26,9 +26,9 @@ from softlab.model.geometry.mesh_files import check_indices, check_vertices, rea
 class TriangleMesh:
     """A surface of triangles whose neighbours have the same outer side (their corners run the same way round).
 
-    `position` (vertices, 3) float64 [m]; `triangles` (n, 3) int32; `edges`: what lies beside what; `repairs`: a sentence for
-    each kind of mending; `pieces` that hang together; `boundary_loops`: rims of holes and outer ones; `numbering` (vertices
-    of the file,) int32: what became of each, -1 where left out.
+    `position` (vertices, 3) float64 [m]; `triangles` (n, 3) int32; `edges`: adjacency; `repairs`: a sentence for each
+    kind of repair; `pieces`: connected components; `boundary_loops`: outer rims and rims of holes; `numbering`
+    (vertices of the file,) int32: vertex of the mesh for each, -1 if omitted.
     """
 
     position: np.ndarray
@@ -52,7 +52,7 @@ class TriangleMesh:
 
 
 def mesh_bytes(mesh: TriangleMesh | tuple[np.ndarray, np.ndarray]) -> bytes:
-    """Return bytes that identify a mesh, or its position and triangles, for keys of what is built from it."""
+    """Return bytes that identify a mesh, or its position and triangles, for the keys of objects built from it."""
     position, triangles = mesh if isinstance(mesh, tuple) else (mesh.position, mesh.triangles)
     position, triangles = np.asarray(position, dtype=np.float64), np.asarray(triangles, dtype=np.int64)
     repairs = [] if isinstance(mesh, tuple) else mesh.repairs
@@ -63,8 +63,8 @@ def mesh_bytes(mesh: TriangleMesh | tuple[np.ndarray, np.ndarray]) -> bytes:
 def read_mesh(path: str | Path, scale: float = 1.0, inside: bool = False) -> TriangleMesh:
     """Return the mesh in a file (formats: model/geometry/mesh_files.py), coordinates times `scale` [m per unit of the file].
 
-    `inside`: see `triangle_mesh`. Vertices and triangles keep the file's order. Raises InputError (what `read_arrays` and
-    `triangle_mesh` refuse) and SceneError (scale).
+    `inside`: see `triangle_mesh`. Vertices and triangles keep the file's order. Raises InputError (see `read_arrays`
+    and `triangle_mesh`) and SceneError (scale).
     """
     position, triangles, notes = read_arrays(path, scale)
     try:
@@ -79,8 +79,8 @@ def triangle_mesh(
 ) -> TriangleMesh:
     """Return the mesh of `position` (vertices, 3) [m] and `triangles` (n, 3), indices into it, mended; `repairs` made before.
 
-    `inside`: only what the mesh encloses is wanted. Where edges have more than two triangles it becomes the sheets that bound
-    a volume (model/geometry/mending/hull.py) instead of being refused.
+    `inside`: only the enclosed volume is needed. Where edges have more than two triangles it becomes the sheets that
+    bound a volume (model/geometry/mending/hull.py) instead of being refused.
 
     Raises InputError: a coordinate that is not finite or over LARGEST, an index out of range, no triangle with an area,
     non-manifold edges (NonManifold), a surface that cannot have an outer side.
@@ -101,7 +101,7 @@ def triangle_mesh(
 
 
 def _finished(position: np.ndarray, triangles: np.ndarray, place: np.ndarray, notes: list[str]) -> TriangleMesh:
-    """Return the mesh of `triangles` (n, 3) between places of vertices; `place` (vertices,): of each."""
+    """Return the mesh of `triangles` (n, 3) of merged vertices; `place` (vertices,): the merged index of each."""
     merged = int((place != np.arange(len(place))).sum())
     numbering, position, triangles = _without_unused(position, triangles, place, merged, notes)
     edges = mesh_edges(len(position), triangles)

@@ -1,7 +1,7 @@
 """Files of surfaces as arrays of triangles: OBJ, STL, PLY, OFF, glTF, Medit and Gmsh.
 
-Coordinates and indices are checked here, and polygons are cut into triangles. What is mended beyond that, and how it is
-reported: model/geometry/mesh.py. The readers of the formats: model/geometry/formats.
+Coordinates and indices are checked here, and polygons are cut into triangles. Further repairs, and their reports:
+model/geometry/mesh.py. The readers of the formats: model/geometry/formats.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Volume, centre and second moments of what a surface encloses, of points with weights, and of tetrahedra."""
+"""Volume, centre and second moments of the inside of a surface, of points with weights, and of tetrahedra."""
 
 from __future__ import annotations
 

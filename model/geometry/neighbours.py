@@ -23,7 +23,7 @@ SLACK = 1 + 2.0**-20  # of the radius that the tree is asked for: more than its 
 
 
 class TooMany(InputError):
-    """More pairs than can be kept."""
+    """More pairs than can be stored."""
 
 
 def pairs_within(queries: np.ndarray, points: np.ndarray, radius: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -72,12 +72,12 @@ def nearest(queries: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.nda
 
 
 def spread(candidates: np.ndarray, taken: np.ndarray, distance: float, urgency: np.ndarray | None = None) -> np.ndarray:
-    """Return (n,) int64, ascending: which of `candidates` (k, 3) to take so that none lies nearer than `distance` [m]
-    to another or to `taken` (m, 3), and no other could be added.
+    """Return the indices (n,) int64, ascending, of a maximal subset of `candidates` (k, 3) in which none is nearer than
+    `distance` [m] to another or to `taken` (m, 3).
 
-    Darts are thrown in a fixed random order, those of greater `urgency` (k,) first. They are taken in blocks, each twice as
-    large as the last one: what lies near to a dart of an earlier block is shut out before its pairs are counted, so that
-    candidates far denser than `distance`, as of a fine mesh, cost little.
+    Darts are thrown in a fixed random order, those of greater `urgency` (k,) first. They are taken in blocks, each
+    twice as large as the last one: candidates near a dart of an earlier block are excluded before pairs are counted, so
+    that candidates much denser than `distance`, as on a fine mesh, cost little.
     """
     left = np.flatnonzero(_apart(candidates, taken, distance))
     late = np.zeros(len(left)) if urgency is None else -urgency[left]
@@ -92,7 +92,7 @@ def spread(candidates: np.ndarray, taken: np.ndarray, distance: float, urgency: 
 
 
 def _apart(points: np.ndarray, taken: np.ndarray, distance: float) -> np.ndarray:
-    """Return which of `points` (n, 3) are at least `distance` [m] from every point of `taken` (m, 3), (n,) bool."""
+    """Return (n,) bool: True for `points` (n, 3) at least `distance` [m] from every point of `taken` (m, 3)."""
     free = np.ones(len(points), dtype=bool)
     begins = range(0, len(points), BLOCK)
     for begin in steps(begins, len(begins), "particles"):
@@ -102,11 +102,9 @@ def _apart(points: np.ndarray, taken: np.ndarray, distance: float) -> np.ndarray
 
 
 def _first_ones(points: np.ndarray, distance: float) -> np.ndarray:
-    """Return (n,) bool: which of `points` (n, 3) are taken one after the other, each at least `distance` [m] from those
-    before.
-
-    In rounds, each that comes first among what is near to it is taken and shuts out the rest (M. Luby, "A simple parallel
-    algorithm for the maximal independent set problem", SIAM J. Comput. 15 (1986)).
+    """Return (n,) bool: True for the `points` (n, 3) that are chosen in order, each at least `distance` [m] from the
+    earlier ones. In rounds, each point that is the first among its neighbours is chosen and excludes them (M. Luby, "A
+    simple parallel algorithm for the maximal independent set problem", SIAM J. Comput. 15 (1986)).
     """
     first, second, apart = close_pairs(points, distance)
     first, second = first[apart < distance], second[apart < distance]

@@ -1,4 +1,4 @@
-"""Vertex normals of a cloth or a mesh, for whatever draws it."""
+"""Vertex normals of a cloth or a mesh, for drawing."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""All particles of a scene's bodies as a row of masses, for code that needs no more."""
+"""The particles of a scene's bodies in the form of a sheet with one row, for code that needs no more."""
 
 from __future__ import annotations
 

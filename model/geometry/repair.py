@@ -21,9 +21,9 @@ INSTALL = 'pip install -e ".[meshing]"'
 
 
 def united(position: np.ndarray, triangles: np.ndarray) -> TriangleMesh:
-    """Return the closed mesh whose inside is what any piece encloses; a piece that is inside out is turned over first.
-    `position` (vertices, 3) [m], `triangles` (n, 3): pieces have no vertex in common, but may have them at the same
-    places.
+    """Return the closed mesh whose inside is the union of the pieces' insides; a piece that is inside out is turned
+    over first. `position` (vertices, 3) [m], `triangles` (n, 3): pieces have no vertex in common, but may have them at
+    the same places.
 
     Raises BackendUnavailable (manifold3d is not installed) and InputError (a piece that is open, or that
     `triangle_mesh` refuses).
@@ -69,7 +69,8 @@ def _pieces(position: np.ndarray, triangles: np.ndarray) -> list[TriangleMesh]:
 
 
 def simplified(mesh: TriangleMesh, most: int) -> TriangleMesh:
-    """Return the mesh with at most `most` triangles, or as few as can be had without a crossing.
+    """Return the mesh with at most `most` triangles, or as few as possible without crossings. Raises BackendUnavailable
+    (libigl is not installed), SceneError (most) and InputError (nothing is left).
 
     Raises BackendUnavailable (libigl is not installed), SceneError (most) and InputError (nothing is left).
     """

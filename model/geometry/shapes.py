@@ -182,7 +182,7 @@ def _blob(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _sheet(shape: Shape) -> tuple[np.ndarray, np.ndarray]:
-    """A square metre in y = 0, its cells cut along the diagonals in turn, so that no direction is stiffer."""
+    """A square metre in the plane y = 0, its cells cut along alternating diagonals, so that no direction is stiffer."""
     count = shape.resolution
     z, x = np.meshgrid(np.linspace(-0.5, 0.5, count + 1), np.linspace(-0.5, 0.5, count + 1), indexing="ij")
     triangles = sheet_triangles(count + 1, count + 1, "alternating").astype(np.int32)

@@ -30,7 +30,7 @@ WORTH_KEEPING = 1.0  # s: what takes longer is kept on disk
 def sampled(
     position: np.ndarray, triangles: np.ndarray, low: np.ndarray, counts: np.ndarray, spacing: float
 ) -> tuple[np.ndarray, bool]:
-    """Return `signed_distances`, from the user's cache if an earlier computation took long: the same bits either way."""
+    """Return `signed_distances`, from the user's cache if an earlier computation took long. The bits are the same."""
     digest = hashlib.sha256(f"{VERSION} {_sources()} {position.shape} {counts.tolist()} {spacing!r} ".encode())
     for array in (position, np.asarray(triangles, dtype=np.int64), low):
         digest.update(np.ascontiguousarray(array).tobytes())

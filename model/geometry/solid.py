@@ -1,7 +1,6 @@
-"""The inside of a triangle mesh: what a mesh needs to be a body, made good where that is safe, and reported.
-
-Small holes are filled, wide ones on request; pieces that are inside out are turned over. A piece whose outer side looks
-inwards and that lies within the rest is a cavity, and stays one.
+"""Conversion of a triangle mesh into a solid, with safe repairs, which are reported. Small holes are filled, wide ones
+on request; pieces that are inside out are reversed. A piece with reversed orientation inside another is a cavity, and
+stays one.
 """
 
 from __future__ import annotations
@@ -26,9 +25,9 @@ EMPTY = 2.0**-20  # volume over that of the box around the mesh: what float32 co
 
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """A closed mesh, outer sides outwards: `position` (vertices, 3) float64 [m], `triangles` (n, 3) int32; `volume` [m^3],
-    what overlaps counted as often as it does; `area` [m^2]; `pieces` that are no cavities; `notes`: a sentence for each
-    thing that was made good."""
+    """A closed mesh, outer sides outwards: `position` (vertices, 3) float64 [m], `triangles` (n, 3) int32; `volume`
+    [m^3], overlaps counted repeatedly; `area` [m^2]; `pieces` that are no cavities; `notes`: a sentence for each thing
+    that was made good."""
 
     position: np.ndarray
     triangles: np.ndarray
@@ -45,9 +44,8 @@ OTHERWISE = "set fill_holes = true (softlab cook: --fill-holes), or close it in 
 @work("closing the surface")
 def solid(mesh: TriangleMesh, widest: float, instead: str = CLOTH, fill_holes: bool = False) -> Solid:
     """Return the body of a mesh. Holes up to `widest` [m] across are filled: no particle lies nearer to another; with
-    `fill_holes` all of them. `instead`: what to make of a mesh that is none.
-
-    Raises InputError: wider holes, nothing inside.
+    `fill_holes` all of them. `instead`: advice in the message for a mesh that is not solid. Raises InputError (wider
+    holes, nothing inside).
     """
     mesh = filled(mesh, np.inf if fill_holes else widest, instead)
     notes = list(mesh.repairs)

@@ -26,8 +26,8 @@ def _segments(points: np.ndarray, nodes: np.ndarray) -> tuple[np.ndarray, np.nda
 
 
 def _dot(a: Iterable[np.ndarray], b: Iterable[np.ndarray]) -> np.ndarray:
-    """Sums of products over axes, x + z + y: the order in which numpy's `einsum` adds three of them on a processor with
-    AVX-512, written out so that bodies have the same bits on every other one."""
+    """Return sums of products over axes in the order x + z + y, which `einsum` uses on a processor with AVX-512, so
+    that bodies have the same bits on all processors."""
     x, y, *z = (one * other for one, other in zip(a, b, strict=True))
     return sum(z, start=x) + y
 
@@ -84,7 +84,7 @@ def extruded(flat: Field, depth: float, edge: float) -> Field:
 
 
 def union(fields: Sequence[Field]) -> Field:
-    """Return the field of the union."""
+    """Return the distance field of the union of the strokes."""
 
     def field(points: np.ndarray) -> np.ndarray:
         return np.min([one(points) for one in fields], axis=0)

@@ -1,4 +1,4 @@
-"""The meshes that a scene names: where their files are, and what follows from them. Sheets of triangles, too."""
+"""The meshes that a scene names: their files, and derived quantities; also sheets of triangles."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def bundled_meshes() -> dict[str, Path]:
 
 
 def is_file(path: Path) -> bool:
-    """Return True if there is such a file; no name is too odd to ask for."""
+    """Return True if there is such a file, for any name, however odd."""
     try:
         return path.is_file()
     except (OSError, ValueError):

@@ -18,7 +18,8 @@ GROWN = 16  # eps of the largest coordinate, by which boxes are larger: rounded 
 
 
 def parts_of(count: int) -> list[np.ndarray]:
-    """Level by level, (parts, 3) int64: first triangle, one past the last, node. A leaf stands in its level alone."""
+    """Return, level by level, (parts, 3) int64: first triangle, one past the last, node. A leaf is alone in its
+    level."""
     levels = [np.array([[0, count, 0]])]
     while True:
         first, last, node = levels[-1][levels[-1][:, 1] - levels[-1][:, 0] > 1].T

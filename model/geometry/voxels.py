@@ -23,8 +23,8 @@ BATCH = 1 << 20  # points at once
 class Runs:
     """The lattice points inside a mesh, as runs along z: run r has the points (x, y, low) to (x, y, high - 1).
 
-    int64 (runs,), by x, y, low; point (i, j, k) lies at `origin` + (i, j, k) `pitch` [m]. `least` and `most`: winding
-    numbers seen on lattice points outside and inside; 0 and 1 of a mesh that does not overlap itself.
+    int64 (runs,), by x, y, low; point (i, j, k) lies at `origin` + (i, j, k) `pitch` [m]. `least` and `most`: smallest
+    and largest winding number at lattice points; 0 and 1 for a mesh that does not overlap itself.
     """
 
     x: np.ndarray
@@ -112,8 +112,9 @@ def runs_inside(position: np.ndarray, triangles: np.ndarray, pitch: float, place
 def crossings(
     place: np.ndarray, triangles: np.ndarray, counts: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return (row, column, height, sign, triangle) (n,), int64 but for the heights: where triangles cross columns, of
-    `place` (vertices, 3) in pitches from the lattice's origin. Sign: +1 where the outer side looks up."""
+    """Return (row, column, height, sign, triangle) (n,), int64 but for the heights: the crossings of triangles with
+    columns; `place` (vertices, 3): vertices, in pitches from the lattice's origin. Sign: +1 if the outer side faces
+    up."""
     above = np.clip(np.ceil(place[:, 1]), 0, counts[1]).astype(np.int64)  # the first row at or above each vertex
     corner = above[triangles]
     first, last = corner.min(axis=1), corner.max(axis=1)

@@ -1,4 +1,4 @@
-"""The plan of a cloth's step: the stages of a scene in three dimensions (see model/core/plan.py)."""
+"""The plan of a cloth's step (see model/core/plan.py)."""
 
 from __future__ import annotations
 

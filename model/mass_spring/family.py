@@ -37,13 +37,17 @@ def _grid_stencil(scene: Scene) -> Stencil:
 def _cloth_stencil(scene: Scene) -> Stencil:
     """Return the rows that a step reads: springs extend to the next row, those against bending to the one after it.
 
-    Velocity Verlet evaluates forces twice where its kicks are not shared. Raises SceneError for parts that depend on a
+    Velocity Verlet evaluates forces twice if its kicks are not combined. Raises SceneError for parts that depend on a
     mass's number in the whole cloth, and for implicit Euler.
     """
     require_local(scene)
     name = scene.method.integrator
     if name in IMPLICIT:
-        raise SceneError("method.integrator", name, "solves for the whole cloth at once: choose another to share it")
+        raise SceneError(
+            "method.integrator",
+            name,
+            "solves for the whole cloth at once; choose another integrator for several GPUs or processes",
+        )
     apart = name == "velocity-verlet" and not kicks_coupled(cloth_parts(scene))
     forces = 2 if apart else integrators_for(scene)[name].forces
     rows = 2 if "bending" in scene.cloth_springs else 1

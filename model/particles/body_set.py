@@ -46,7 +46,7 @@ class Copy:
 
 @dataclass(frozen=True, eq=False)
 class BodySet(ParticleRow):
-    """The particles of all copies, one after the other, in the order of the file.
+    """The particles of all copies, concatenated in the order of the file.
 
     `position` (particles, 3) float64 [m] and `velocity` [m/s]: initial ones; `body` (particles,) int32: the copy of
     each; `clusters`: with the initial positions as rest positions, those of `lattices` last; `links`; `copies`. It has
@@ -80,7 +80,7 @@ class BodySet(ParticleRow):
 
     @property
     def in_cluster_order(self) -> list[Copy]:
-        """The copies, in the order of their clusters."""
+        """Copies, in the order of their clusters."""
         return by_cluster(self.copies)
 
     @property

@@ -107,7 +107,7 @@ class TetrahedraSet(ParticleRow):
 
     @property
     def lightest(self) -> float:
-        """Smallest mass of a particle that moves [kg]; the mean one where none does."""
+        """Smallest mass of a particle that moves [kg]; the mean mass if none moves."""
         free = np.delete(self.masses, self.pinned_vertices)
         return float(free.min()) if len(free) else self.mass
 
@@ -118,7 +118,7 @@ class TetrahedraSet(ParticleRow):
 
     @cached_property
     def edges(self) -> tuple[np.ndarray, np.ndarray]:
-        """(ends (edges, 2) int32, the lower one first, rows ascending; lengths at rest (edges,) [m])."""
+        """Return (ends (edges, 2) int32, the lower one first, rows ascending; lengths at rest (edges,) [m])."""
         ends = np.concatenate([self.tetrahedra[:, pair] for pair in PAIRS])
         ends = np.unique(np.sort(ends, axis=1), axis=0)
         if self.sheet:
@@ -138,7 +138,7 @@ class TetrahedraSet(ParticleRow):
 
     @cached_property
     def vertex_triangles(self) -> Lists:
-        """The surface's triangles at each particle, ascending; none at an interior one."""
+        """Surface triangles at each particle, ascending; none at an interior one."""
         corner = self.surface.ravel()
         return grouped(corner, np.arange(len(corner), dtype=np.int32) // 3, self.particle_count)
 
@@ -225,7 +225,7 @@ def _joined(
     regions: Mapping[str, Region],
     attachments: Mapping[str, Attachment],
 ) -> TetrahedraSet:
-    """Return the set of the `bodies` of `parts`, one after the other."""
+    """Return the concatenated set of the `bodies` of `parts`."""
     particles, elements = [len(one.mesh.position) for one in bodies], [len(one.mesh.tetrahedra) for one in bodies]
     if sum(particles) > MAX_PARTICLES:
         raise SceneError("edge", sum(particles), f"at most {MAX_PARTICLES} particles (32-bit indices)")

@@ -40,7 +40,7 @@ class WorldSet(ParticleRow):
 
     @property
     def pinned(self) -> str:
-        """`some` where a particle is pinned, else `none`."""
+        """Return `some` for pinned particles, else `none`."""
         return "some" if len(self.pinned_vertices) else "none"
 
     @property

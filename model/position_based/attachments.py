@@ -1,4 +1,4 @@
-"""Lists of long-range attachments, which both backends read besides the constraints."""
+"""Lists of long-range attachments, which both backends read in addition to the constraints."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The plan of a position-based step, and the families of constraints on a sheet: their places and colours."""
+"""The plan of a position-based step, and the constraint families of a sheet: their positions and colours."""
 
 from __future__ import annotations
 

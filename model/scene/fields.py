@@ -1,5 +1,4 @@
-"""Reference of a scene file's tables, read from the parts themselves: fields, defaults, and the comments beside
-them."""
+"""Reference of a scene file's tables, generated from the parts: fields, defaults, and their comments."""
 
 from __future__ import annotations
 

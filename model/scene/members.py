@@ -1,5 +1,4 @@
-"""Members of a world, a scene whose parts belong to several families of particles: each member is a scene of its
-own."""
+"""Members of a world, a scene with parts of several particle families: each member is a scene of its own."""
 
 from __future__ import annotations
 

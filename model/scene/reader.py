@@ -26,7 +26,7 @@ OF_MESHES = ("mesh", "region", *SURFACE_KINDS, *BODY_KINDS, *TETRAHEDRAL_KINDS) 
 
 @cache
 def catalogue() -> Mapping[str, Path]:
-    """Return the scenes that come with the lab: name -> TOML file."""
+    """Return the scenes that come with softlab: name -> TOML file."""
     root = Path(str(resources.files("softlab.model"))) / "catalogue"
     return {file.relative_to(root).with_suffix("").as_posix(): file for file in sorted(root.rglob("*.toml"))}
 
@@ -59,7 +59,7 @@ def scene_tables(name_or_path: str | Path) -> tuple[Table, str]:
         data = tables_of(written)
     except ValueError as error:
         mesh = (
-            f"; a mesh is cloth by a scene file with [mesh] file = {Path(text).name!r}"
+            f"; to use a mesh as a cloth, write a scene file with [mesh] file = {Path(text).name!r}"
             if Path(text).suffix in FORMATS
             else ""
         )

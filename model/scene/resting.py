@@ -135,7 +135,7 @@ def _height_notes(scene: SceneParts) -> list[str]:
 
 
 def _needed(scene: SceneParts) -> int:
-    """Return the substeps per step in which no body sinks; 1 where nothing falls or there are no colliders."""
+    """Return the substeps per step for which no body sinks; 1 if nothing falls or there are no colliders."""
     gravity = scene.gravity.acceleration if scene.gravity else 0.0
     if not (gravity and scene.all_of(*COLLIDER_KINDS)):
         return 1
@@ -144,7 +144,7 @@ def _needed(scene: SceneParts) -> int:
 
 
 def _thickness(scene: SceneParts) -> float:
-    """Return the thickness [m] at which most bodies, copies counted, rest on their skins; of several such the largest."""
+    """Return the thickness [m] at which most bodies (counting copies) rest on their skins; the largest of several."""
     sizes = list(_sizes(scene))
 
     def suited(thickness: float) -> int:

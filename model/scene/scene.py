@@ -58,7 +58,7 @@ class Scene(SceneParts):
         super().__init__(tables, name, title)
         for kind in KINDS:
             if kind not in SEVERAL and len(self.all_of(kind)) > 1:
-                raise SceneError(kind, list(self.all_of(kind)), "one part of this kind a scene")
+                raise SceneError(kind, list(self.all_of(kind)), "a scene has at most one part of this kind")
         sheets = list(self.all_of(*SHEETS))
         if len(sheets) > 1:
             described = [name if name == self.kinds[name] else f"{name} (kind {self.kinds[name]})" for name in sheets]
@@ -100,7 +100,7 @@ class Scene(SceneParts):
 
     @property
     def whole(self) -> Scene:
-        """The scene as it was described, with all its pins; `self` unless it came from `at`."""
+        """The scene as described, with all its pins; `self` unless `at` made it."""
         return self._whole or self
 
     @cached_property
@@ -143,7 +143,7 @@ class Scene(SceneParts):
     def with_particles(self, attribute: str, particles: ParticleSet) -> Scene:
         """Return this scene with other `particles` in place of those of its `attribute` (`body_set`, ...), all its bodies.
 
-        The rest is the same, the mass unit included, and nothing is validated again.
+        Everything else, including the mass unit, is the same, and nothing is validated again.
         """
         changed = copy(self)
         changed.__dict__.update({"grid": particles, attribute: particles})

@@ -189,7 +189,7 @@ class SceneParts:
         return {name: self.parts[name] for name, kind in self.kinds.items() if kind in kinds}
 
     def value(self, path: str, default: object = None) -> Any:
-        """Return the value of the field `part.field`; `default` where there is none."""
+        """Return the value of the field `part.field`, or `default` if there is none."""
         name, _, field = path.partition(".")
         return getattr(self.parts.get(name), field, default)
 
@@ -218,7 +218,7 @@ class SceneParts:
 
     @property
     def sheet(self) -> Grid:
-        """The grid, cloth or mesh of a scene that has one."""
+        """The grid, cloth or mesh of the scene."""
         assert isinstance(self.grid, Grid)
         return self.grid
 
@@ -249,7 +249,7 @@ class SceneParts:
 
     @cached_property
     def world_set(self) -> WorldSet:
-        """All particles of a world, one member after the other."""
+        """All particles of a world, member by member."""
         return make_world_set({name: member.grid for name, member in self.members.items()})
 
     @cached_property
@@ -259,7 +259,7 @@ class SceneParts:
 
     @property
     def copies(self) -> tuple[Copy, ...]:
-        """All copies of the scene's bodies; none where it has no bodies."""
+        """All copies of the scene's bodies."""
         return self.body_set.copies if self.bodies else ()
 
     @property
@@ -271,8 +271,8 @@ class SceneParts:
 
     @cached_property
     def tetrahedra_set(self) -> TetrahedraSet:
-        """All tetrahedral bodies together and the cloth beside them, made on first use. Raises SceneError, InputError
-        (a body)."""
+        """All tetrahedral bodies together and the cloth beside them, created on first use. Raises SceneError,
+        InputError (a body)."""
         return make_tetrahedra_set(
             self.tetrahedra, self.regions, self.attachment_parts, self.materials, self.parts_of(Mesh)
         )
@@ -284,7 +284,7 @@ class SceneParts:
 
     @cached_property
     def fluid_set(self) -> FluidSet:
-        """All particles of the scene's fluids, made on first use."""
+        """All particles of the scene's fluids, created on first use."""
         return make_fluid_set(self.fluids, self.domain)
 
     @cached_property
@@ -306,7 +306,7 @@ class SceneParts:
 
     @property
     def cloth_springs(self) -> dict[str, ClothSprings]:
-        """The cloth's springs by kind, in the order structural, shear, bending."""
+        """Springs of the cloth by kind, in the order structural, shear, bending."""
         springs = self.parts_of(ClothSprings)
         return {kind: part for kind in SPRING_KINDS if (part := springs.get(self.name_of(kind))) is not None}
 
@@ -318,7 +318,8 @@ class SceneParts:
 
     @property
     def colliders(self) -> list[tuple[str, Collider]]:
-        """(kind, collider), planes first, then spheres, capsules, boxes, meshes and fields, each in the order of the file."""
+        """Return (kind, collider), planes first, then spheres, capsules, boxes, meshes and fields, each in the order of
+        the file."""
         colliders = self.parts_of(Collider)
         return [(kind, part) for kind in COLLIDER_KINDS for name, part in colliders.items() if self.kinds[name] == kind]
 
@@ -335,7 +336,7 @@ class SceneParts:
 
     @property
     def holdable(self) -> dict[str, Part]:
-        """The parts that can be attached, by name: tetrahedral bodies, then a cloth beside them."""
+        """Parts that can be attached, by name: tetrahedral bodies, then a cloth beside them."""
         return {**self.tetrahedra, **self.direct_parts(Mesh)}
 
     # Parts by name, in the order of the file; those of a family are the members' in a world.
@@ -370,8 +371,8 @@ class SceneParts:
         return method
 
     def as_dict(self, derived: bool = False) -> Table:
-        """Return the scene as nested tables, defaults filled in, as in a TOML file. `derived`: include what follows
-        from other parts (`derive`)."""
+        """Return the scene as nested tables, defaults filled in, as in a TOML file. `derived`: include derived fields
+        (`derive`)."""
         tables: Table = {"title": self.title}
         for part_name, part in self.parts.items():
             kind = self.kinds[part_name]
@@ -383,6 +384,7 @@ class SceneParts:
         return tables
 
     def canonical(self) -> str:
-        """Return canonical JSON of what is simulated (no title, no camera): equal texts mean equal scenes."""
+        """Return canonical JSON of the simulated part of the scene (no title, no camera): equal texts mean equal
+        scenes."""
         tables = {key: table for key, table in self.as_dict(derived=True).items() if key not in ("title", CAMERA)}
         return json.dumps(tables, sort_keys=True, separators=(",", ":"))

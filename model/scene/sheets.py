@@ -23,15 +23,15 @@ def mesh_lines(scene: Scene) -> list[str]:
     lines = mesh.lines()
     if part.pinned == "top":
         pins = len(pinned_vertices(part))
-        hangs = "; list vertices to hold more" if pins < FEW_PINS else ""
+        hangs = "; list vertices to pin more" if pins < FEW_PINS else ""
         lines.append(f'pinned = "top" holds {pins} of {len(mesh.position)} vertices, the highest{hangs}')
     meeting = np.bincount(mesh.edges.edges.ravel())
     if meeting.max() > MANY_EDGES:
         hub = int(meeting.argmax())
         x, y, z = (f"{coordinate:.4g}" for coordinate in mesh.position[hub])
         lines.append(
-            f"{meeting[hub]} edges meet at vertex {hub} (counted from 0, at ({x}, {y}, {z})): each is projected after the "
-            f"other, which is slow on a GPU and on several threads; {RINGS}"
+            f"{meeting[hub]} edges meet at vertex {hub} (counted from 0, at ({x}, {y}, {z})): they are projected one after "
+            f"another, which is slow on a GPU and on several threads; {RINGS}"
         )
     return [f"{Path(part.file).name}: {line}" for line in lines]
 

@@ -55,7 +55,7 @@ def lattice_stages(region: int) -> tuple[Stage, ...]:
 
 
 def link_stages(scene: Scene) -> tuple[Stage, ...]:
-    """Return the stages of bodies' links, one per colour: no two of a colour share a particle."""
+    """Return the stages of bodies' links, one per colour; no two links of a colour have a common particle."""
     starts, particles = scene.body_set.links.starts, scene.body_set.particle_count
     each = (starts[1:] - starts[:-1]) * distance.OPERATIONS_SOFT / particles
     return tuple(Stage(f"project links {number}", 1, 1, round(float(count))) for number, count in enumerate(each))

@@ -3,7 +3,7 @@ backends.
 
 A collider responds to each particle alone. Only some particles of a rigid body touch it, and matching distributes their
 velocities over all. So their impulses p_i = m_i dv_i are combined: as a rigid motion they have the energy Q = |sum p|^2
-/ M + L.(I^-1 L), L = sum r x p, and they asked for D = sum m_i dv_i^2. With the factor s = D / Q for all, their mean
+/ M + L.(I^-1 L), L = sum r x p, and they required D = sum m_i dv_i^2. With the factor s = D / Q for all, their mean
 change, weighted by them, is the requested one. A body that lands flat has s = M / (mass that touches), one on a corner
 that of a rigid body there, 1 / m (1/M + (r x n) I^-1 (r x n)). Q <= D, as the best rigid approximation of a motion has
 less energy. With u_n the speed into a collider at rest, sum p.u = -(1 + e) sum m u_n^2 and D = (1 + e)^2 sum m u_n^2,

@@ -24,7 +24,7 @@ class BodiesSimulation(Simulation):
 
     @abstractmethod
     def _weights_changed(self) -> None:
-        """Send `self.body.inverse_mass` to the device; the state itself is uploaded right after it."""
+        """Send `self.body.inverse_mass` to the device; the state itself is uploaded afterwards."""
 
     def _take_masses(self, position: np.ndarray, inverse_mass: np.ndarray, time: float) -> None:
         """Set which copies are inactive. Raises InputError where anything else differs."""

@@ -54,7 +54,7 @@ def added(
 
 
 def removed(scene: Scene, state: State, parts: Collection[str], number: int) -> State:
-    """Return the state without the copy, see Simulation.remove_body; `parts`: of the plan."""
+    """Return the state without the copy, see Simulation.remove_body; `parts`: parts of the plan."""
     weights = state.inverse_mass
     copies = scene.copies
     if (
@@ -65,7 +65,7 @@ def removed(scene: Scene, state: State, parts: Collection[str], number: int) -> 
         raise SceneError("body", number, "there is no such body now")
     copy = copies[number]
     if "spare" not in parts:
-        raise SceneError(f"{copy.name}.spare", 0, "must be at least 1 in a scene that bodies leave")
+        raise SceneError(f"{copy.name}.spare", 0, "must be at least 1 in a scene from which bodies are removed")
     return _put(scene, state, copy, scene.body_set.position[copy.particles], STILL, False)
 
 

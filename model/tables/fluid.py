@@ -68,7 +68,7 @@ class Fluid(Part):
                 f"{WIDEST * self.rest_distance:g} m"
             )
         if self.size is None and self.capacity is None:
-            raise ValueError("size: must be given, or a capacity, of a fluid that an emitter gives")
+            raise ValueError("size: must be given, or a capacity if an emitter fills the fluid")
         for place, one in enumerate(self.all_blocks, int(self.size is None)):
             field = "blocks" if place else "size"
             if len(one.size) != self.dimensions:

@@ -88,7 +88,7 @@ class Mesh(Cloth):
         return mesh_of(self).triangles.astype(np.uint32)
 
     def masses_by_area(self) -> np.ndarray | None:
-        """Return the masses of the vertices by `density`, see Grid."""
+        """Return the masses of the vertices from `density`, see Grid."""
         return None if self.density is None else vertex_masses(self)
 
     def normals(self, position: np.ndarray) -> np.ndarray:

@@ -1,6 +1,6 @@
 """The parts `motion` and `release`: pins that follow a path or let go, and the assignment of masses to motions.
 
-What becomes of a scene whose pins have let go: model/scene/checks/releases.py.
+The scene after a release is in model/scene/checks/releases.py.
 """
 
 from __future__ import annotations

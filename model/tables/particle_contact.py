@@ -25,9 +25,9 @@ class Contact(Part):
 
     The surfaces of tetrahedral bodies keep a `distance`, a vertex of one from the triangles of another; vertices that
     are nearer, or lie inside, are moved out at `separation_speed` at most. Vertices that approach by more than the
-    distance in a substep may get caught inside. Surfaces also use friction and `sweeps`: 4, or what sticks creeps. A
-    cloth beside them collides with them likewise, on both sides; a part that has passed through it stays on the other
-    side.
+    distance in a substep may get caught inside. Surfaces also use friction and `sweeps`: with fewer than 4, sticking
+    bodies creep. A cloth beside them collides with them too, on both sides; a part that has passed through it stays on
+    the other side.
     """
 
     distance: Positive | None = None  # m, of tetrahedral bodies and a cloth: by default a quarter of the shortest edge

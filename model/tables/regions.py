@@ -110,7 +110,7 @@ class Region(Part):
 
     @cached_property
     def _surface(self) -> tuple[np.ndarray, np.ndarray]:
-        """(vertices (n, 3) [m], triangles) in the scene's coordinates. Raises InputError."""
+        """Return (vertices (n, 3) [m], triangles) in the scene's coordinates. Raises InputError."""
         mesh: TriangleMesh = (
             self.shape.mesh() if self.shape else read_mesh(mesh_path(self.file or ""), self.scale, True)
         )

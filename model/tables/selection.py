@@ -16,7 +16,7 @@ AT_THE_SIDE = 1e-6  # of the longest side: a vertex this near to a side of its b
 
 
 def check_word(field: str, word: str, regions: Mapping[str, Region]) -> None:
-    """Raise SceneError for a word that is neither a side nor `all` nor a region of the scene."""
+    """Raise SceneError for a word that is neither a side, `all` nor a region of the scene."""
     if word not in (*WORDS, *regions):
         known = (*WORDS, *regions)
         hint = "" if regions else "; a table of kind region has others"

@@ -18,7 +18,7 @@ class SelfCollision(Part):
 
     Every substep searches for the triangles that a mass may approach within it and keeps the mass on its current side.
     Masses that begin nearer than the thickness are moved apart at `separation_speed` at most, so that an overlap does
-    not turn into much speed; too low a speed lets a heavy pile sink. A sweep carries a push from one layer to the next.
+    not create high speeds; too low a speed lets a heavy pile sink. A sweep carries a push from one layer to the next.
     Edges that cross without a mass near a triangle are not detected; model/contact/penetration.py counts them.
     """
 

@@ -1,4 +1,4 @@
-"""The part `tank`: one table of a scene file that stands for the planes of its floor and walls."""
+"""The part `tank`: one table of a scene file that is expanded into the planes of its floor and walls."""
 
 from __future__ import annotations
 

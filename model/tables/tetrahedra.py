@@ -74,7 +74,7 @@ class TetrahedralBody(MeshSource):
         if {"edge", "voxels"} <= self.model_fields_set and self.edge is not None:
             raise ValueError("edge: says how long a voxel is; give edge or voxels")
         if self.volume == "voxels" and (self.tetrahedra != 5 or self.sweep != "voxels" or self.material == "corotated"):
-            reason = "voxels keep it that are 5 tetrahedra, swept by voxels, fixed-corotated or neo-hookean"
+            reason = 'needs tetrahedra = 5, sweep = "voxels" and the material fixed-corotated or neo-hookean'
             raise ValueError(f"volume: {reason}; or leave it out")
         return self
 
@@ -90,7 +90,7 @@ class TetrahedralBody(MeshSource):
 
     @property
     def lame(self) -> tuple[float, float]:
-        """(mu, lambda) [Pa] of its Young's modulus and Poisson's ratio."""
+        """Return (mu, lambda) [Pa] of its Young's modulus and Poisson's ratio."""
         mu, lame = lame_of(self.young_modulus, self.poisson_ratio)
         return float(mu), float(lame)
 

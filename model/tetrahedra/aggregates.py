@@ -34,7 +34,7 @@ class Aggregates(NamedTuple):
 
     @property
     def width(self) -> int:
-        """Largest number of entries of a row from its diagonal on."""
+        """Largest number of entries in a row, from its diagonal on."""
         return int((self.reach - np.arange(len(self.reach)) + 1).max(initial=1))
 
 

@@ -22,15 +22,19 @@ def tetrahedra_apart(scene: Scene) -> Apart:
     """
     require_apart(scene)
     if scene.mesh is not None:
-        raise SceneError(f"{scene.name_of('mesh')}.kind", "mesh", "a cloth beside bodies is not shared: run it as one")
+        raise SceneError(
+            f"{scene.name_of('mesh')}.kind",
+            "mesh",
+            "a cloth beside bodies is not supported on several GPUs or processes; run the scene on one",
+        )
     if scene.external is not None and scene.external.magnitude > 0:
-        reason = "draws a number for each vertex of all bodies: leave it out, or run it as one"
+        reason = (
+            "draws a random number for each vertex of all bodies; leave it out, or run the scene on one GPU or process"
+        )
         raise SceneError(f"{scene.name_of('external')}.kind", "external", reason)
     for name, attachment in scene.attachment_parts.items():
         if not pins(attachment, scene.holdable):
-            reason = (
-                "ties what it holds by springs: shared bodies are pinned alone, or follow a collider; or run it as one"
-            )
+            reason = "uses springs; several GPUs or processes support only pins and attachments to colliders"
             raise SceneError(f"{name}.kind", "attachment", reason)
     body_set = scene.tetrahedra_set
     return Apart(

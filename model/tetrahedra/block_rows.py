@@ -1,4 +1,4 @@
-"""The stiffness of tetrahedra as 3 x 3 blocks in compressed rows: their places, and the sum that makes each."""
+"""The stiffness of tetrahedra as 3 x 3 blocks in compressed rows: positions of the blocks, and the terms of each."""
 
 from __future__ import annotations
 

@@ -104,7 +104,7 @@ def _projection(material: str, run: int, whole: bool, parts: frozenset[str]) -> 
 
 
 def _of_volumes(material: str, parts: frozenset[str]) -> Projection:
-    """Return the projection of the volumes of voxels of such a material."""
+    """Return the projection of the volumes of voxels for this material."""
     damped, soft = DAMPED in parts, ITERATED in parts
     return Projection(
         f"volumes_{material.replace('-', '_')}", voxel_volume, voxel_volume.CORNERS, voxel_volume.COUNT,
@@ -209,7 +209,7 @@ def tetrahedra_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
 
 
 def with_sleep(plan: Plan, substeps: int) -> Plan:
-    """Return the plan with a stage at the end of each substep that keeps slow vertices in place."""
+    """Return the plan with a stage at the end of each substep that keeps slow vertices at their positions."""
     (substep,) = plan.root.children
     assert isinstance(substep, Node)
     ends = Stage(SLEEP, 3, 2, sleep.OPERATIONS)

@@ -1,4 +1,4 @@
-"""Damping of tetrahedra beyond what the sweeps of a substep resolve: it then supports static loads."""
+"""Damping of tetrahedra that the sweeps of a substep do not resolve: it then supports static loads."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ def damping_load(scene: Scene) -> np.ndarray:
 
     A damper of the time tau is tau/h times as stiff as its element, whose own stiffness over the masses is E h^2 / (rho
     e^2) (M. Macklin et al., "XPBD", MIG 2016, eq. 26: gamma = tau/h). Sweeps visit elements one after the other: a
-    damper undoes what earlier visits moved, and the difference is a force that acts at rest, too. It grows and vanishes
-    with this number.
+    damper undoes the motion of earlier projections, and the difference is a force that acts at rest, too. It grows and
+    vanishes with this number.
     """
     body_set, method = scene.tetrahedra_set, scene.method
     h = method.dt / method.substeps
@@ -38,7 +38,7 @@ def damping_lines(scene: Scene) -> list[str]:
     others = int((load > UNRESOLVED).sum()) - 1
     more = f" (and of {others} more)" if others else ""
     return [
-        f"{name}.damping = {part.damping:g} s{more} is more than the sweeps of a substep resolve: dampers hold up loads at "
-        f"rest, so that the body lies flatter than its stiffness says and may stay inside out; reduce it to "
+        f"{name}.damping = {part.damping:g} s{more} is more than the sweeps of a substep resolve: dampers then "
+        "support static loads, so that the body is flatter than its stiffness says and may stay inverted; reduce it to "
         f"{part.damping / load[worst]:.2g} s, or take {int(np.ceil(load[worst]))} times as many substeps or iterations"
     ]

@@ -107,8 +107,8 @@ def largest_strain(body_set: TetrahedraSet, position: np.ndarray) -> np.ndarray:
 
 
 def at_particles(body_set: TetrahedraSet, value: np.ndarray) -> np.ndarray:
-    """Return the mean by volume of a value (tetrahedra,) over those at each particle, (particles,); 0 where there is
-    none."""
+    """Return the volume-weighted mean of a value (tetrahedra,) over the tetrahedra at each particle, (particles,); 0
+    where there is none."""
     weight = np.repeat(body_set.volume, 4)
     corner = body_set.tetrahedra.ravel()
     total = np.bincount(corner, weight * np.repeat(value, 4), body_set.particle_count)

@@ -174,8 +174,7 @@ def newton_note(scene: Scene) -> str:
 
 
 def _per_solve(name: str, place: int, doc: str) -> Field:
-    """Return the mean number per solve (a substep is one, of second order two) of what is counted at a `place` in
-    `done`."""
+    """Return the mean per solve (a substep is one, at second order two) of the count at index `place` of `done`."""
 
     def count(simulation: Any) -> float:
         done = simulation.done

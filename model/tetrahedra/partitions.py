@@ -1,4 +1,5 @@
-"""The meshes of tetrahedral bodies in parts: where they are cut, and what a substep reads for some vertices.
+"""The meshes of tetrahedral bodies in parts: where they are cut, and the data that a substep reads for some
+vertices.
 
 A substep predicts each vertex alone, sweeps over colours, and ends, again vertex by vertex. Traced backwards, the
 vertices needed after a colour need, before it, all corners of the constraints (xpbd), or of the tetrahedra of the
@@ -25,8 +26,9 @@ ALIKE = 1e-6  # of a mean edge: vertices this near to each other along a body ar
 def partitions_by(scene: Scene, walk: Callable[[Scene, np.ndarray], Window]) -> SharedMesh:
     """Return the meshes of a scene for any solver.
 
-    `walk(scene, needed)`: what its sweeps read so that the `needed` (particles,) bool are as in the whole. Raises
-    SceneError for parts that let bodies act on each other, and for those that depend on all vertices.
+    `walk(scene, needed)`: the particles that its sweeps read so that the `needed` ones, (particles,) bool, are as in
+    the whole mesh. Raises SceneError for parts that let bodies act on each other, and for those that depend on all
+    vertices.
     """
     tetrahedra_apart(scene)
     body_set = scene.tetrahedra_set

@@ -17,7 +17,7 @@ def surface_lists(body_set: TetrahedraSet, wanted: bool = True) -> tuple[np.ndar
 
 
 def cloth_lists(body_set: TetrahedraSet, wanted: bool = True) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the lists of the cloth alone, on which wind acts; empty ones if there is none, or not `wanted`."""
+    """Return the lists of the cloth alone, on which wind acts; empty ones if there is none, or if not `wanted`."""
     if body_set.sheet is None or not wanted:
         return surface_lists(body_set, False)
     start = int(body_set.first_particle[-1])

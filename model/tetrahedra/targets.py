@@ -59,7 +59,7 @@ class Targets:
         self.rest_at(body.position[body.pinned])
 
     def rest_at(self, position: np.ndarray) -> None:
-        """Let all rest at `position` (pins, 3) [m]."""
+        """Put all targets at rest at `position` (pins, 3) [m]."""
         self.resting, self.wanted, self.step = position, position, -1
         self._pins[self.settable, :P_MOTION] = position[self.settable]
         self.rest()
@@ -135,7 +135,7 @@ class Targeted(Simulation):
         super().advance(steps)
 
     def _settle(self) -> None:
-        """Let vertices rest once the step with their targets is over."""
+        """Put vertices at rest after the step with their targets."""
         if self._goals is not None and -1 < self._goals.step != self.step:
             self.check()
             self._goals.rest_at(self._goals.wanted)

@@ -1,9 +1,10 @@
-"""The order in which tetrahedra of voxels are projected: those of a voxel one after the other, voxels by eight colours.
+"""The order in which tetrahedra of voxels are projected: those of a voxel one after the other, voxels by eight
+colours.
 
-Voxels whose places have the same parity along each of three axes share no vertex (source: the colours of VoxelMesh,
-model/geometry/tetrahedra/voxels.py); copies of one voxel that do share one get colours of their own. The longest side
-of a body counts first: all layers of even place across it come before all others. So no even layer depends on another
-in a sweep, nor does an odd one, and a body can be cut into slabs that exchange twice per sweep.
+Voxels with the same parity along each of three axes have no common vertex (colours of VoxelMesh,
+model/geometry/tetrahedra/voxels.py); copies of one voxel that have one get further colours. The longest side of a body
+counts first: all even layers across it come before all odd ones. So no even layer depends on another even one in a
+sweep, nor an odd one on another odd one, and a body can be cut into slabs that exchange twice per sweep.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from softlab.model.base.errors import InputError
 from softlab.model.geometry.lists import offsets_of
 from softlab.model.particles.tetrahedra_set import TetrahedraSet
 
-REMEDY = "its file is no good; cook it again"
+REMEDY = "its file is invalid; cook it again"
 FIVE = 5  # of a voxel; the large one, which touches all others, comes first in a mesh
 
 
@@ -74,7 +75,7 @@ def _around(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _levels(place: np.ndarray, vertices: np.ndarray) -> np.ndarray:
-    """Return 0, or for copies at the same `place` (voxels, 4) that share a vertex 0, 1, ..., (voxels,) int64."""
+    """Return 0, or 0, 1, ... for copies at the same `place` (voxels, 4) with a common vertex, (voxels,) int64."""
     level = np.zeros(len(place), np.int64)
     _, number, count = np.unique(place, axis=0, return_inverse=True, return_counts=True)
     number = number.reshape(-1)

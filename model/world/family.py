@@ -80,7 +80,7 @@ def _stored(scene: Scene, position: np.ndarray, arrays: Arrays) -> tuple[float, 
 
 
 def _strain(scene: Scene, position: np.ndarray, kind: str, arrays: Arrays) -> np.ndarray:
-    """Return the strains of one member after the other."""
+    """Return the strains of all members, concatenated."""
     members = _members(scene)
     strains = [
         members[name][0].strain(members[name][1], position[place], kind, arrays)

@@ -60,7 +60,7 @@ def cross_surface(scene: Scene) -> CrossSurface:
 
 
 def _of_member(name: str, scene: Scene) -> CrossSurface | None:
-    """Return the surface of a member alone; None: it has no contacts."""
+    """Return the surface of a single member; None if it has no contacts."""
     if name == "bodies":
         return _balls(scene)
     if name == "tetrahedra":
@@ -106,7 +106,7 @@ def _moved(one: CrossSurface, first: int, member: int) -> CrossSurface:
 
 
 def _joined(members: list[CrossSurface]) -> CrossSurface:
-    """Return surfaces one after the other, numbered consecutively."""
+    """Return concatenated surfaces, numbered consecutively."""
     surfaces = [one.surface for one in members]
     vertex, triangle, group = (
         np.append(0, np.cumsum([len(array(one)) for one in surfaces]))

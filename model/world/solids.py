@@ -114,7 +114,7 @@ def _bodies(scene: Scene, first: int) -> Iterator[_Sampled]:
             apart, most = copy.baked.spacing, COARSEST * fluid.spacing
             if apart > most * (1 + 1e-9):
                 reason = (
-                    f"must be {most:g} m at most, {COARSEST:g} rest distances of the fluid, which else runs through it"
+                    f"must be {most:g} m at most, {COARSEST:g} rest distances; otherwise the fluid leaks through it"
                 )
                 raise SceneError(f"{copy.name}.particle_spacing", apart, reason)
             selected[copy.name] = thinned(copy.baked.position, LEAST * fluid.spacing)
@@ -168,5 +168,5 @@ def _refuse(scene: Scene, name: str, touched: Iterable[np.ndarray | list[int]]) 
     inside = np.unique(np.concatenate([np.array(one, int) for one in touched]))
     if len(inside):
         owner = fluid.names[fluid.fluid[inside[0]]]
-        reason = f"{len(inside)} of its particles begin inside {name}: move one of them, or leave room by blocks"
+        reason = f"{len(inside)} of its particles begin inside {name}: move one of them, or leave a gap by `blocks`"
         raise SceneError(f"{owner}.origin", list(scene.members["fluid"].fluids[owner].origin), reason)

@@ -16,7 +16,7 @@ PERIOD = 4  # colours repeat after this number of masses along either axis
 
 
 def partners(family: Family, colour: int, along_rows: bool, place: int) -> tuple[int, ...]:
-    """Return the places along an axis to which the constraints of a colour lead from a mass at `place`.
+    """Return the positions along an axis that the constraints of a colour connect with a mass at `place`.
 
     Diagonals lead in both directions along the columns, depending on the row.
     """
@@ -58,7 +58,7 @@ def substep_rows(parts: frozenset[str], iterations: int) -> tuple[int, int]:
     """Return (rows, more): n substeps read rows * n + more beyond rows that begin and end at multiples of `period`.
 
     Wind reads the rows beside a mass at a substep's start. In the Jacobi orderings the denominator of a mass depends on
-    its number of constraints, which reach as far again.
+    its constraints, which adds their extent once more.
     """
     wind, edges = int("wind" in parts), [(0, 4 * PERIOD)]
     for _ in range(2 * PERIOD):  # after this number an edge returns to an earlier place in the period

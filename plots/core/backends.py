@@ -51,5 +51,5 @@ def name_of(backend: str, source: Source) -> str:
 
 
 def sources_of(chosen: Sequence[tuple[Any, ...]]) -> tuple[Source, ...]:
-    """Return the machines of the panels, each once."""
+    """Return the machines of the panels without repetition."""
     return tuple(dict.fromkeys(entry for one in chosen for entry in one if isinstance(entry, Source)))

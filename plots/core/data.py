@@ -1,8 +1,8 @@
 """Data of the figures and the lab book: a user's own measurements and the committed ones, machine by machine.
 
-A `Source` (made by plots/core/read.py) has what one machine measured in the sweep and the accuracy runs. The `featured`
-sources of a figure are the user's own, or the committed ones if there are no others. Committed sources next to own ones
-are `background`: drawn lightly, and labelled.
+A `Source` (made by plots/core/read.py) has the results of one machine in the sweep and the accuracy runs. The
+`featured` sources of a figure are the user's own, or the committed ones if there are no others. Committed sources next
+to own ones are `background`: drawn lightly, and labelled.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ class Source:
 
     @property
     def label(self) -> str:
-        """`committed` if these measurements are not those of a user who measured too; else empty."""
+        """`committed` if these are committed measurements beside the user's own; else empty."""
         return "" if self.by_user or self.alone else "committed"
 
     @property
@@ -137,7 +137,7 @@ class Source:
 
     @property
     def place(self) -> str:
-        """Machine only, where commit and date are stated once for all."""
+        """Machine only, for text that states commit and date once."""
         parts = [part for part in self.machine.label.split("; ") if part != NO_GPU]
         return f"{' with '.join(parts)}{self.bracket}"
 
@@ -198,7 +198,7 @@ class Results:
 
     @property
     def everyone(self) -> tuple[Source, ...]:
-        """All sources in the order of preference: the featured ones first."""
+        """All sources in the order of preference, featured ones first."""
         return (*self.featured, *self.background)
 
     @property
@@ -208,7 +208,7 @@ class Results:
         return Results(sources) if sources and len(sources) < len(self.sources) else None
 
     def first(self, holds: Callable[[Source], object]) -> Source | None:
-        """Return the first source that `holds` something."""
+        """Return the first source for which `holds` is true."""
         return next((source for source in self.everyone if holds(source)), None)
 
     def first_with(self, select: Callable[[Source], Selection]) -> tuple[Source, Selection] | None:
@@ -271,7 +271,7 @@ def is_wrong(timing: Timing) -> bool:
 
 
 def sound(timings: Iterable[Timing]) -> list[Timing]:
-    """Return the timings whose result was right."""
+    """Return the timings with a correct state."""
     return [timing for timing in timings if not is_wrong(timing)]
 
 

@@ -42,7 +42,8 @@ def _code() -> str:
 
 
 def _parts(figure: Any) -> Iterator[Any]:
-    """Yield what the data determine: kind, place, text and style of every part. Ticks follow from the axes."""
+    """Yield the parts that depend on the data: kind, position, text and style of every part. Ticks follow from the
+    axes."""
     from matplotlib.ticker import FixedLocator
 
     for artist in (*figure.texts, *figure.legends, *figure.patches, *figure.lines, *figure.images):

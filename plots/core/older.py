@@ -48,7 +48,7 @@ def _items(source: Source) -> Iterator[Any]:
 
 
 def older_peers(store: Store, machine: str) -> frozenset[str]:
-    """Return the backends whose peers were timed beside other sources than the current ones."""
+    """Return the backends whose peers were timed with other sources than the current ones."""
     rows = store.query(
         "SELECT DISTINCT json_extract(description, '$.backend'), sources FROM sample JOIN run ON run.key = sample.run "
         "JOIN configuration ON hash = configuration WHERE machine = ? "

@@ -265,9 +265,8 @@ def time_ticks(axis: Any) -> None:
 def legend_below(
     figure: Any, axes: Sequence[Any], times: Sequence[Timing] = (), columns: int = 4, marks: Iterable[str] = ()
 ) -> None:
-    """Draw one legend below the panels, with every label once.
-
-    It explains hollow marks and crosses if they occur in `times`, or are in `marks` ("suspect", "wrong answer").
+    """Draw one legend below the panels, with every label once. It explains hollow marks and crosses that occur in
+    `times` or in `marks` ("suspect", "wrong answer").
     """
     from matplotlib.lines import Line2D
 

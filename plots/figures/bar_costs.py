@@ -20,7 +20,7 @@ def on(source: Source, backend: str) -> list[Cost]:
 
 
 def judged(source: Source, backend: str) -> list[Cost]:
-    """Return those costs whose errors are known too."""
+    """Return the costs whose errors are known, too."""
     return [cost for cost in on(source, backend) if None not in (cost.sag, cost.frequency)]
 
 

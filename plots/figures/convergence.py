@@ -22,10 +22,9 @@ LINES = ("-", "--", "-.", ":")  # line styles of the sizes, small ones first
 
 @dataclass(frozen=True)
 class Converging:
-    """One ordering, by `name`, after that many iterations on a sheet of `side` x `side` masses.
-
-    `left`: the residual over that of the start; `seconds`: per step; `ratio`, `least`, `most`: of its time over that of
-    Gauss-Seidel with as many iterations.
+    """One ordering, by `name`, after that many iterations on a sheet of `side` x `side` masses. `left`: the residual
+    relative to the start; `seconds`: per step; `ratio`, `least`, `most`: of its time over that of Gauss-Seidel with as
+    many iterations.
     """
 
     name: str

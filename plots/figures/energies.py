@@ -54,15 +54,15 @@ def read_energies(trajectory: str | Path) -> EnergyRecord:
     try:
         scene = Scene(json.loads(str(archive["scene"])))
     except (ValueError, TypeError, RecursionError, SceneError) as error:
-        raise InputError(f"{path}: its scene cannot be read ({error}); record it anew") from None
+        raise InputError(f"{path}: its scene cannot be read ({error}); record it again") from None
     for name, dimensions in ARRAYS.items():
         if arrays[name].ndim != dimensions or arrays[name].dtype.kind not in "fiu":
-            raise InputError(f"{path}: {name} must be numbers along {dimensions} axes; record it anew")
+            raise InputError(f"{path}: {name} must be numbers along {dimensions} axes; record it again")
     frames, masses = len(arrays["time"]), scene.grid.particle_count
     for name in ("position", "velocity"):
         wanted = (frames, masses, scene.dimensions)
         if arrays[name].shape != wanted:
-            raise InputError(f"{path}: {name} has shape {arrays[name].shape}, not {wanted}; record it anew")
+            raise InputError(f"{path}: {name} has shape {arrays[name].shape}, not {wanted}; record it again")
     if not frames:
         raise InputError(f"{path} holds no frame; record with a smaller every=N")
     with np.errstate(all="ignore"):

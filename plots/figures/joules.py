@@ -20,7 +20,7 @@ def joules(source: Source, timing: Timing) -> float | None:
 
 
 def watts(source: Source, timing: Timing) -> float | None:
-    """Return the mean power [W] while the joules were counted."""
+    """Return the mean power [W] during the energy measurement."""
     sample = source.energies.get(timing.configuration)
     if sample is None or sample.joules_per_step is None:
         return None

@@ -97,7 +97,7 @@ def _title(backend: str, source: Source, compared: list[Ratio]) -> str:
 
 
 def _draw_peer(ax: Any, compared: list[Ratio], curve: Curve) -> set[str]:
-    """Draw one line; return the marks that it needed, of `suspect` and `wrong answer`."""
+    """Draw one line; return the marks that it uses: `suspect`, `wrong answer`."""
     sound, wrong = [r for r in compared if not r.wrong], [r for r in compared if r.wrong]
     x, y, *ends = (np.array([getattr(r, name) for r in sound]) for name in ("particles", "ratio", "low", "high"))
     points = x, y, np.stack(ends, axis=1)

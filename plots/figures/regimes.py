@@ -34,7 +34,7 @@ def sizes(source: Source) -> dict[int, list[Point]]:
 
 
 def targets(runs: Sequence[Point]) -> list[float]:
-    """Return the decades of error [spacings] from 0.1 down to the last that a run reached, at most MOST."""
+    """Return the decades of error [spacings] from 0.1 down to the smallest that a run reached, at most MOST."""
     least = min((p.error for p in runs if p.error > 0), default=1.0)
     return [10.0**-n for n in range(1, 1 + min(MOST, math.floor(-math.log10(least))))]
 

@@ -93,10 +93,10 @@ def test_a_file_of_triangles_and_one_of_tetrahedra(tmp_path):
     half = cooked(tmp_path / "body.npz", scale=0.5, use_cache=False)
     assert half.report.volume == pytest.approx(body.report.volume / 8) and half.report.edge == body.report.edge / 2
     assert np.abs(carried(half) - half.hull_position).max() < 1e-15
-    with pytest.raises(SceneError, match="voxels = 3: a file of tetrahedra is taken as it is"):
+    with pytest.raises(SceneError, match="voxels = 3: a file of tetrahedra is used unchanged"):
         cooked(tmp_path / "body.npz", voxels=3)
     write_arrays(tmp_path / "body.npz", {**dict(np.load(tmp_path / "body.npz")), "voxel": np.zeros(3)})
-    with pytest.raises(InputError, match=r"no whole body.*cook it again"):
+    with pytest.raises(InputError, match=r"incomplete.*cook it again"):
         load(tmp_path / "body.npz")
 
 

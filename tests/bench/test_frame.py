@@ -58,7 +58,7 @@ def test_what_the_store_holds_is_not_measured_again(store: Store) -> None:
     assert done == [] and (again.measured, again.stored, again.run) == (0, 3, "")
     more, done = measured(store, [["a", "d"], ["c", "e"]])
     assert done == [["d"], ["e"]] and (more.measured, more.stored) == (2, 2)
-    assert str(more).startswith("made up: 2 measured, 2 held in the store, ")
+    assert str(more).startswith("made up: 2 measured, 2 already in the store, ")
 
 
 def test_of_a_whole_group_all_is_measured_where_anything_lacks(store: Store) -> None:

@@ -86,7 +86,7 @@ def test_a_run_tells_no_error_below_what_its_reference_resolves(times, told, mon
     if told:
         assert error == pytest.approx(1e-3 * times) and reason is None
     else:
-        assert error is None and "below what the reference resolves" in reason
+        assert error is None and "below the resolution of the reference" in reason
 
 
 def test_half_the_acceleration_is_for_lab_alone():

@@ -92,7 +92,7 @@ def test_the_reference_is_met_within_rounding(
 def test_a_block_that_gave_up_is_told(driver: FakeBlocks) -> None:
     with Blocked(CudaConstants(grid(11, 40), "float32"), "float32", RESIDENT, Tile(1, 2, 3, 2)) as peer:
         driver.memory[int(peer._exchanged[-1])][0] = 1
-        with pytest.raises(PeerError, match="waited in vain"):
+        with pytest.raises(PeerError, match="waited too long"):
             peer.read()
 
 

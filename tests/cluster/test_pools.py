@@ -133,7 +133,7 @@ def test_workers_by_slurm(tmp_path: Path, slurm: Path) -> None:
         ("--cluster local --workers 0", 2, "--workers = 0: must be at least 1"),
         ("--workers 3", 2, "goes with --cluster"),
         ("--sbatch partition=x", 2, "goes with --cluster"),
-        ("--cluster local --sbatch partition=x", 2, "goes with --cluster slurm"),
+        ("--cluster local --sbatch partition=x", 2, "needs --cluster slurm"),
         ("--cluster slurm --sbatch partition", 2, "must be NAME=VALUE"),
         ("--cluster local --peers", 2, "cannot be combined with --peers"),
         ("--cluster slurm", 3, "sbatch is not on the PATH"),

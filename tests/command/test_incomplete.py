@@ -63,7 +63,7 @@ def test_inverted_tetrahedra_are_counted_and_end_a_run_as_incomplete(name: str, 
     assert (result.report["inverted"], result.report["outcome"]) == (count, "incomplete")
     assert result.incomplete is not None and result.incomplete.exit_status == 1
     assert f"{count} inverted" in str(result.incomplete) and "--allow-incomplete" in str(result.incomplete)
-    assert any("inside out" in note for note in result.notes)
+    assert any("inverted" in note for note in result.notes)
     allowed = run_scene(scene, Request(steps=0, initial=start, allow_incomplete=True), progress=False)
     assert allowed.incomplete is None and allowed.report["outcome"] == "incomplete"  # still told
     sound = run_scene(scene, Request(steps=0), progress=False)

@@ -20,7 +20,7 @@ from softlab.model.base.errors import SceneError, SoftlabError, in_python, on_co
         ({"kernel": "quick"}, "kernel = 'quick': must be one of"),
         ({"threads": "3x"}, "threads = '3x': must be 1x"),
         ({"gpus": 2}, 'gpus = 2: applies to backend="gpu"; add it, or use ranks on CPUs'),
-        ({"scene": "lab-grid", "dt": 1.0}, "or pass allow_unstable=True to watch it break"),
+        ({"scene": "lab-grid", "dt": 1.0}, "or pass allow_unstable=True to run it anyway"),
     ],
 )
 def test_arguments_are_named(arguments: dict[str, object], said: str) -> None:

@@ -109,7 +109,7 @@ def test_a_bad_vertex_is_told_by_its_number_in_the_whole() -> None:
         (1000, {}, "use at most 5"),
         (2, {"method.iterations": 20}, "use at most 1"),
         (2, {"method.solver": "newton"}, 'scene.replace.*"method.solver": "xpbd"'),
-        (2, {"external.magnitude": 1.0}, "a number for each vertex"),
+        (2, {"external.magnitude": 1.0}, "a random number for each vertex"),
     ],
 )
 def test_what_cannot_be_cut_says_so(count: int, changes: dict[str, Any], said: str) -> None:

@@ -97,14 +97,14 @@ def test_a_row_each_is_the_smallest_share():
 @pytest.mark.parametrize(
     "name, changes, said",
     [
-        ("cloth-mesh", {}, "a position-based mesh is not shared"),
+        ("cloth-mesh", {}, "a position-based mesh is not supported"),
         ("cloth-flamenco", {}, "pins anywhere"),
-        ("cloth-self", {}, "meet from anywhere"),
+        ("cloth-self", {}, "anywhere in the whole cloth collide"),
         ("jelly-block", {}, "1 body is never cut; use 1"),
         ("dam-break", {}, "thinner than their halo"),
         ("fem-cantilever", {"method.iterations": 20}, "use at most 1"),
         ("cloth-twist", {}, "moves pins"),
-        ("cloth-hanging", {"external.magnitude": 0.1}, "not shared"),
+        ("cloth-hanging", {"external.magnitude": 0.1}, "run the scene on one"),
         ("cloth-hanging", {"method.integrator": "implicit-euler"}, "at once"),
     ],
 )

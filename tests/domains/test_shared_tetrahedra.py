@@ -76,8 +76,8 @@ SPRING = {"kind": "attachment", "body": "hookean", "vertices": "left", "complian
     [
         ({"contact": {}}, "lets bodies collide"),
         ({"method": METHOD | {"solver": "newton"}}, 'scene.replace.*"method.solver": "xpbd"'),
-        ({"tie": SPRING | {"to": "six"}}, "ties what it holds"),
-        ({"external": {"magnitude": 1.0}}, "a number for each vertex"),
+        ({"tie": SPRING | {"to": "six"}}, "uses springs"),
+        ({"external": {"magnitude": 1.0}}, "a random number for each vertex"),
         ({"mesh": CLOTH, "structural": {"stiffness": 10.0}}, "a cloth beside bodies"),
     ],
 )

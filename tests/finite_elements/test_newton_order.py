@@ -179,12 +179,12 @@ def test_its_mesh_is_cut_once() -> None:
 def test_what_is_not_smooth_is_refused(part: str) -> None:
     scene = load_scene("fem-cantilever").replace({"method.solver": "newton", "method.substeps": 1})
     more = {"floor": {"kind": "plane"}} if part == "floor" else {"motion": {"velocity": [0.1, 0, 0], "pins": "all"}}
-    with pytest.raises(SceneError, match="no smooth force"):
+    with pytest.raises(SceneError, match="not smooth"):
         Scene(scene.as_dict() | more).replace({"method.order": 2})
 
 
 def test_pins_that_are_told_where_to_go_are_refused() -> None:
-    with pytest.raises(SceneError, match="no smooth force"):
+    with pytest.raises(SceneError, match="not smooth"):
         open_simulation(second(newton_scene("damped")), live=("targets",))
 
 

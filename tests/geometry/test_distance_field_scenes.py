@@ -127,7 +127,7 @@ def test_what_is_told_of_it(tmp_path: Path) -> None:
     assert "1 hole" in lines[1] and "was filled with" in lines[1]
     crossed = both(box(), box((0.5, 0.5, 0.5), (0.5, 0.1, 0.1)))
     lines = DistanceField(file=written(tmp_path / "two.obj", *crossed), spacing=0.2).lines()
-    assert "runs through itself" in lines[-1]
+    assert "intersects itself" in lines[-1]
 
 
 def test_pinned_masses_in_it_are_told() -> None:

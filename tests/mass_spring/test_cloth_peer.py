@@ -80,7 +80,7 @@ def test_the_source_compiles_for_a_real_architecture(damped: bool, precision: st
 def test_scenes_that_it_does_not_know_are_refused() -> None:
     refusal = cuda_cpp_cloth.CudaCppCloth().refusal
     assert refusal(load_scene("cloth-warp")) is None
-    assert "cloth alone" in str(refusal(load_scene("lab-grid").replace({"method.integrator": "semi-implicit-euler"})))
+    assert "only cloth" in str(refusal(load_scene("lab-grid").replace({"method.integrator": "semi-implicit-euler"})))
     assert "semi-implicit" in str(refusal(load_scene("cloth-hanging")))
     assert "wind" in str(refusal(cloth_scene("air", "semi-implicit-euler")))
     assert "sphere" in str(refusal(cloth_scene("bodies", "semi-implicit-euler")))

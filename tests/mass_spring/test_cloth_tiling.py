@@ -109,7 +109,7 @@ def test_tables_of_tiles_can_be_launched() -> None:
         (Tile(128, 8, 16, 1), (128, 128), "bytes of shared memory"),
         (Tile(8, 8, 1, 0), (64, 64), "at least one step"),
         (Tile(8, 8, 1, 1), (64, 4), "larger than the sheet"),
-        (Tile(8, 8, 1, 3), (64, 64), "too small to do 3 steps"),
+        (Tile(8, 8, 1, 3), (64, 64), "too small for 3 steps"),
         (Tile(8, 8, 1, 1), (512, 512), "runs 1056 at once"),
         (Tile(1, 1, 16, 1), (64, 64), "too few threads"),
     ],
@@ -141,6 +141,6 @@ def test_the_fastest_by_the_tables_is_chosen(monkeypatch: pytest.MonkeyPatch) ->
         scene = load_scene(name).replace({"cloth.rows": side, "cloth.columns": side})
         found, chosen, why = cloth_choice.choose_cloth(scene, np.float32, cloth_parts(scene), MEASURED_LIMITS)
         assert (found, chosen.name if chosen else None) == (kernel, tile), (name, side)
-        assert "us a step by the table" in why
+        assert "us per step by the table" in why
     scene = load_scene("cloth-hanging").replace({"method.integrator": "rk4"})
     assert cloth_choice.choose_cloth(scene, np.float32, cloth_parts(scene), MEASURED_LIMITS)[0] == "graph"

@@ -91,7 +91,7 @@ def test_each_scene_runs(
     printed = capsys.readouterr()
     assert json.loads(printed.out)["outcome"] == "ok"
     if "shirt" in line:
-        assert 'pinned = "top" holds 1 of 40 vertices, the highest; list vertices to hold more' in printed.err
+        assert 'pinned = "top" holds 1 of 40 vertices, the highest; list vertices to pin more' in printed.err
 
 
 @pytest.mark.parametrize("line", [line for line in COMMANDS if " inspect " in line or " cook " in line])

@@ -208,7 +208,7 @@ def test_what_cannot_be_is_refused(tables: dict[str, Any], said: str) -> None:
 
 def test_sharing_live_targets_and_an_error_are_refused() -> None:
     scene = release_scene("sheet")
-    with pytest.raises(SceneError, match="lets pins go, which is not supported on several GPUs"):
+    with pytest.raises(SceneError, match="releases pins, which is not supported on several GPUs"):
         check_cut(scene, 2, None, None, "--gpus")
     with pytest.raises(SceneError, match="live = 'targets': moves pins, which let_go lets go"):
         open_simulation(release_scene("rows"), live=["targets"])

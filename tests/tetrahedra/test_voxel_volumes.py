@@ -66,10 +66,10 @@ def test_a_mean_volume_stores_no_more_than_each_does(material: str) -> None:
 @pytest.mark.parametrize(
     "changes,why",
     [
-        ({"tetrahedra": 6}, "5 tetrahedra"),
-        ({"sweep": "tetrahedra"}, "swept by voxels"),
+        ({"tetrahedra": 6}, "tetrahedra = 5"),
+        ({"sweep": "tetrahedra"}, 'sweep = "voxels"'),
         ({"material": "corotated"}, "fixed-corotated or neo-hookean"),
-        ({"tetrahedra": "conforming"}, "5 tetrahedra"),
+        ({"tetrahedra": "conforming"}, "tetrahedra = 5"),
     ],
 )
 def test_bodies_that_have_no_such_voxels_are_refused(changes: dict[str, Any], why: str) -> None:

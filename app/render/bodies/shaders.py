@@ -1,6 +1,6 @@
 """The shaders of bodies, GLSL 3.30: particles as spheres, skins that follow their clusters, and the shadows of both.
 
-Lights and the ground's fading are those of app/render/shaders3d.py.
+Lighting and the fading of the ground come from app/render/shaders3d.py.
 """
 
 from __future__ import annotations

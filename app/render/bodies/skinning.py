@@ -23,8 +23,8 @@ class ClusterFrames:
     def matrices(self, centre: np.ndarray, rotation: np.ndarray) -> np.ndarray:
         """Return the matrices (clusters, 3, 4) float32, for points of the mesh extended by 1.
 
-        The clusters are at `centre` (clusters, 3) [m] and rotated since the start by `rotation` (clusters, 3, 3), or
-        deformed by it, after the rotation at the start.
+        `centre` (clusters, 3) [m] is the current centre; `rotation` (clusters, 3, 3) is the rotation or deformation
+        since the start, applied after the initial rotation.
         """
         turn = rotation @ self._turn
         transforms = np.empty((self.count, 3, 4), np.float32)
@@ -35,7 +35,7 @@ class ClusterFrames:
 
     def of_state(self, position: np.ndarray) -> np.ndarray:
         """Return the matrices from positions (particles, 3) [m] alone: rotations by singular values; for plastic
-        clusters the nearest linear map. A cluster at a place that is not finite gets a matrix that is not finite."""
+        clusters the nearest linear map. Positions that are not finite give matrices that are not finite."""
         position = np.asarray(position, dtype=np.float64)
         if np.isfinite(position).all():
             return self.matrices(self._clusters.centres(position), self._deformations(position))
@@ -49,7 +49,7 @@ class ClusterFrames:
 
     def of_simulation(self, simulation: Simulation, position: np.ndarray | None = None) -> np.ndarray:
         """Return the matrices from the solver's rotations, or from `position` (None: read) if the solver has none.
-        Clusters that do more than rotate use the whole map from rest offsets to goals."""
+        Clusters that also deform use the whole map from rest offsets to goals."""
         try:
             turn, centre = (np.asarray(values, np.float64) for values in simulation.read_clusters())
             if self._clusters.parts & {"linear", "plastic"}:
@@ -60,7 +60,7 @@ class ClusterFrames:
 
 
 def of_quaternions(quaternion: np.ndarray) -> np.ndarray:
-    """Return the rotations (n, 3, 3) of unit quaternions (n, 4), w first. K. Shoemake, "Animating Rotation with
+    """Return the rotation matrices (n, 3, 3) of unit quaternions (n, 4), w first. K. Shoemake, "Animating Rotation with
     Quaternion Curves", SIGGRAPH 1985."""
     w, x, y, z = quaternion.T
     rows = [

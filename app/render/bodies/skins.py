@@ -18,8 +18,8 @@ CLUSTER, WEIGHT = 2, 3  # where the shaders of app/render/bodies/shaders.py look
 
 
 class Skins:
-    """The skins of the copies of one body, which are numbered in a row: one mesh on the graphics card, drawn once per
-    copy."""
+    """The skins of the copies of one body, which have consecutive numbers: one mesh on the graphics card, drawn once
+    per copy."""
 
     def __init__(self, copies: list[Copy]):
         from pyglet import gl
@@ -56,7 +56,7 @@ class Skins:
 
 
 class ClusterTexture:
-    """The clusters' matrices in a texture for shaders: three texels of four numbers per cluster."""
+    """A texture with the matrices of the clusters: three texels of four numbers per cluster."""
 
     def __init__(self, clusters: int) -> None:
         from pyglet import gl

@@ -1,5 +1,5 @@
-"""Draws a scene's bodies into the current OpenGL context: particles as lit spheres, skins as lit meshes that follow their
-clusters on the graphics card, with what they collide with and a ground. The window and off-screen pictures draw through here.
+"""Draws a scene's bodies into the current OpenGL context: particles as lit spheres, skins as lit meshes that the
+clusters deform on the graphics card, with colliders and a ground. The window and off-screen pictures use it.
 """
 
 from __future__ import annotations
@@ -39,9 +39,9 @@ SKIN_SHINE = 0.16
 
 
 class BodiesView(View):
-    """A View of bodies. `particles`, `skin`: at least one of them is shown; with both, the particles are seen through
-    the skin. `clusters`, `links`: their middles, and links if there are any, are shown too. `colouring`: the colours of
-    particles, of COLOURINGS."""
+    """A View of bodies. `particles`, `skin`: at least one of them is shown; with both, the skin is transparent.
+    `clusters`, `links`: the centres of clusters and the links are shown too. `colouring`: the colours of particles, of
+    COLOURINGS."""
 
     subject, colourings = "bodies", COLOURINGS
     options = ("particles", "skin", "clusters", "links", "lines")
@@ -94,7 +94,7 @@ class BodiesView(View):
         return np.ascontiguousarray(np.column_stack([colour, radius]), np.float32)
 
     def _middle_appearance(self) -> np.ndarray:
-        """Return colours and radii [m] of the clusters' middles (clusters, 4) float32; radius 0 if inactive."""
+        """Return colours and radii [m] of the clusters' centres (clusters, 4) float32; radius 0 if inactive."""
         appearance = self._all_middles.astype(np.float32)
         appearance[:, 3] *= self._active[self._owner]
         return appearance
@@ -123,14 +123,14 @@ class BodiesView(View):
     # ------------------------------------------------------------------ the state
 
     def upload(self, position: np.ndarray, normal: np.ndarray | None = None) -> None:
-        """Send positions (particles, 3) [m]; the clusters follow from them. Who waits is as in `show_bodies`. Raises
-        InputError."""
+        """Send positions (particles, 3) [m]; the clusters are computed from them. Inactive bodies are as in
+        `show_bodies`. Raises InputError."""
         self.vertices.upload_state(position, False)
         self._send(self.frames.of_state(position))
 
     def upload_from(self, simulation: Simulation, position: np.ndarray | None = None) -> None:
-        """Send the state of a simulation, with the clusters as its solver has them; `position` (particles, 3) float32, if
-        the caller has read it already."""
+        """Send the state of a simulation, with the clusters of its solver; `position` (particles, 3) float32, if the
+        caller has read it already."""
         self.show_bodies(simulation.body.inverse_mass)
         self.vertices.upload(simulation, False, position)
         self._send(self.frames.of_simulation(simulation, position))
@@ -148,8 +148,8 @@ class BodiesView(View):
             self._send_links()
 
     def _send(self, matrices: np.ndarray) -> None:
-        """Send the places (clusters, 3, 4) of clusters for the skins and their middles. The skin of an inactive body is
-        one point."""
+        """Send the matrices (clusters, 3, 4) of the clusters for skins and centres. The skin of an inactive body
+        collapses to a point."""
         if not self._active.all():
             matrices = matrices * self._active[self._owner, None, None].astype(np.float32)
         self._cluster_texture.send(matrices)
@@ -172,7 +172,7 @@ class BodiesView(View):
         self.links = not self.links and len(self._links) > 0
 
     def toggle_lines(self) -> bool:
-        """Exchange particles and skin. Returns True if particles are shown now."""
+        """Switch between particles and skin. Returns True if particles are shown now."""
         self._show(not self.lines, self.lines)
         return self.lines
 

@@ -1,4 +1,4 @@
-"""Spray, foam and bubbles (model/fluid/foam.py) as points over a fluid: one within it is dimmed by what lies before it."""
+"""Draws spray, foam and bubbles (model/fluid/foam.py) as points over a fluid; points inside the fluid are dimmed."""
 
 from __future__ import annotations
 

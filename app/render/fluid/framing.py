@@ -1,4 +1,4 @@
-"""Framing of a fluid: the fluid without the few drops that fly far, and the tank that it is to run into."""
+"""Framing of a fluid: the fluid without the few drops that fly far, and the tank that it will fill."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ def with_fluids(scene: Scene) -> bool:
 
 
 def main_part(scene: Scene, position: np.ndarray) -> np.ndarray:
-    """Return the rows (n, dimensions) [m] of `position` (particles, dimensions) that are finite and not far from all
-    others. Scenes without fluids keep all rows, as do other members of a world."""
+    """Return the rows (n, dimensions) [m] of `position` (particles, dimensions) that are finite and not far from the
+    rest. Scenes without fluids keep all rows, as do other members of a world."""
     if scene.is_world:
         slices = scene.world_set.slices()
         return np.concatenate([main_part(member, position[slices[name]]) for name, member in scene.members.items()])
@@ -40,7 +40,7 @@ def main_part(scene: Scene, position: np.ndarray) -> np.ndarray:
 
 
 def with_tank(scene: Scene, bounds: Sequence[float], time: float) -> tuple[float, ...]:
-    """Return `bounds`, the lowest and the highest coordinates [m] of a fluid, widened by the floor and the walls near
+    """Return `bounds`, the lowest and the highest coordinates [m] of a fluid, extended by the floor and the walls near
     it at `time` [s], in a plane also by other colliders; unchanged for scenes without fluids."""
     for member in scene.members.values() if scene.is_world else ():
         bounds = with_tank(member, bounds, time)

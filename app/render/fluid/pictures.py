@@ -1,4 +1,4 @@
-"""Pictures of 32-bit floats that a fluid's surface is made in, and what draws over a whole one."""
+"""Render targets of 32-bit floats for a fluid's surface, and full-screen drawing."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ FRAMES = BEHIND_DEPTH  # each picture but this one has a frame buffer
 
 
 class FluidPictures:
-    """`resize`, `begin(which)` or `onto(which)` to draw into one, `bind(name=which)` to read from, `screen()` to draw over
-    all its pixels; `delete()` frees them. Needs a current OpenGL 3.3 context. Raises BackendUnavailable where the driver has
-    none of floats.
+    """`resize`, `begin(which)` or `onto(which)` to draw into one, `bind(name=which)` to read from, `screen()` to draw
+    over all its pixels; `delete()` frees them. Needs a current OpenGL 3.3 context. Raises BackendUnavailable if the
+    driver does not support float targets.
     """
 
     def __init__(self) -> None:

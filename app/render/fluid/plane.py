@@ -1,4 +1,4 @@
-"""A fluid of a plane: its surface, or its particles as discs, and its colliders."""
+"""Draws a fluid in a plane: its surface, or its particles as discs, and its colliders."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ from softlab.model.scene.scene import Scene
 
 
 class PlaneFluid:
-    """A fluid of a plane, from positions (particles, 2) float32 [m] and appearances (particles, 4), colour and radius
-    [m], in two OpenGL buffers. Needs a current OpenGL 3.3 context."""
+    """Draws a fluid in a plane from two OpenGL buffers: positions (particles, 2) float32 [m], and appearances
+    (particles, 4), colour and radius [m]. Needs a current OpenGL 3.3 context."""
 
     def __init__(self, scene: Scene, position: int, appearance: int):
         self.scene, self._count = scene, scene.grid.particle_count

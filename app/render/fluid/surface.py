@@ -1,4 +1,4 @@
-"""A fluid's surface in screen space: no mesh is made, only what the camera sees.
+"""A fluid's surface in screen space, without a mesh.
 
 W. van der Laan, S. Green, M. Sainz, "Screen Space Fluid Rendering with Curvature Flow", I3D 2009. In passes, each a picture:
 
@@ -131,8 +131,7 @@ class FluidSurface:
     def set_appearance(
         self, radius: float, absorption: Sequence[float] | np.ndarray = WATER, axes: np.ndarray | None = None
     ) -> None:
-        """Draw particles as balls of `radius` [m], or as the ellipsoids into which `axes` (count, 3, 3) [m] map the
-        unit ball.
+        """Draw particles as balls of `radius` [m], or as the images of the unit ball under `axes` (count, 3, 3) [m].
 
         `absorption` (3,) or (count, 3) [1/m]: absorption of red, green and blue light per metre of fluid (Beer and
         Lambert).
@@ -225,8 +224,8 @@ class FluidSurface:
         values: Mapping[str, object],
         size: tuple[int, int] | None = None,
     ) -> None:
-        """Run a program for every pixel of the picture `goal`, or its first `size`; it reads `pictures` by the names of its
-        samplers, and `values` by the names of its uniforms."""
+        """Run a program for every pixel of the target `goal`, or of its first `size` pixels. It reads the textures
+        `pictures` and `values` by the names of their samplers and uniforms."""
         program = self._programs[name]
         self._pictures.onto(goal, size)
         program.use()
@@ -239,7 +238,8 @@ class FluidSurface:
         program.stop()
 
     def _outline(self, camera: Camera3D) -> None:
-        """Close the gaps between the outermost particles: the depth there, and how much of a pixel is covered."""
+        """Close the gaps between the outermost particles; computes the depth there, and the covered fraction of each
+        pixel."""
         pixels = ROUND * self._radius * camera.scale
         cell = max(int(pixels / FINEST), 1)
         size, wide = (-(-camera.width // cell), -(-camera.height // cell)), max(pixels / cell, 0.5)
@@ -262,8 +262,8 @@ class FluidSurface:
             self._result = goal
 
     def normals(self, camera: Camera3D) -> np.ndarray:
-        """(height, width, 4) float32, top row first: the normal in the camera's axes (right, up, back), and the depth [m]; 0
-        where there is no fluid. Of the last `passes`."""
+        """Return (height, width, 4) float32, top row first, of the last `passes`: the normal in the camera's axes
+        (right, up, back), and the depth [m]; 0 where there is no fluid."""
         from pyglet import gl
 
         bound, box = gl.GLint(), (gl.GLint * 4)()
@@ -284,7 +284,7 @@ class FluidSurface:
         return {"focal": camera.focal, "middle": (camera.width / 2, camera.height / 2)}
 
     def shade(self, camera: Camera3D, frame: int) -> None:
-        """Draw the surface of the last `passes` into that frame buffer; drawing goes there afterwards."""
+        """Draw the surface of the last `passes` into this frame buffer, which stays bound."""
         from pyglet import gl
 
         gl.glBindFramebuffer(gl.GL_FRAMEBUFFER, frame)

@@ -1,4 +1,4 @@
-"""The edges of a tank of water, so that it is seen where its walls are: thin bars just outside of them. No OpenGL."""
+"""The edges of a fluid's tank as thin bars just outside of its walls. No OpenGL."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def tank_box(scene: Scene) -> tuple[np.ndarray, np.ndarray, bool] | None:
 
 
 def tank_frame(scene: Scene) -> list[Mesh]:
-    """The bars along the edges of `tank_box`: below, at the corners, and at the rim if there is one."""
+    """Return the bars along the edges of `tank_box`: at the bottom, at the corners, and at the rim if there is one."""
     box = tank_box(scene)
     if box is None:
         return []

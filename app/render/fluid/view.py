@@ -46,7 +46,7 @@ ABSORBED = (
 
 
 def water_first(fluid_set: FluidSet) -> np.ndarray:
-    """Return a number for each fluid (fluids,): 0, which is blue, for the density nearest to water's, the others in the
+    """Return an index per fluid (fluids,): 0, drawn in blue, for the density nearest to water's, the others in the
     order of the file."""
     density = np.array([part.density for part in fluid_set.parts])
     water, number = int(np.abs(np.log(density / WATER)).argmin()), np.arange(len(density))
@@ -54,8 +54,8 @@ def water_first(fluid_set: FluidSet) -> np.ndarray:
 
 
 def fluid_colours(number: np.ndarray) -> np.ndarray:
-    """Return the colours (n, 3) float32 of fluids by numbers as of `water_first`: the first is blue, the second amber,
-    as ABSORBED leaves light."""
+    """Return the colours (n, 3) float32 of fluids by the indices of `water_first`: the first is blue, the second amber,
+    by the absorption ABSORBED."""
     return of_numbers(np.where(number < 2, 1 - number, number))
 
 
@@ -65,9 +65,9 @@ def has_surface(scene: Scene) -> bool:
 
 
 class FluidView(View):
-    """A View of fluids. `lines`: as particles and not as a surface; `foam`: its points are shown.
-    `colouring`: of COLOURINGS; a surface always shows the first one. `shaped`: the surface's particles are ellipsoids,
-    which takes the host a tenth of a second for 10 000 particles, else balls."""
+    """A View of fluids. `lines`: particles are drawn instead of a surface; `foam`: its points are
+    shown. `colouring`: of COLOURINGS; a surface always shows the first one. `shaped`: the surface's particles are
+    ellipsoids, which costs 0.1 s per 10 000 particles on the host, instead of balls."""
 
     subject, colourings = "fluid", COLOURINGS
     options = ("lines", "foam")
@@ -111,7 +111,7 @@ class FluidView(View):
     # ------------------------------------------------------------------ how it looks
 
     def toggle_lines(self) -> bool:
-        """Exchange particles and surface. Returns True if particles are shown now."""
+        """Switch between particles and surface. Returns True if particles are shown now."""
         self.lines = not self.lines
         self.colour_by(self.colouring)
         return self.lines
@@ -136,7 +136,7 @@ class FluidView(View):
         return self.foam
 
     def show_foam(self, points: FoamPoints) -> None:
-        """Draw these foam particles, whose history is known, instead of those that the view computes."""
+        """Draw these foam particles, updated by the caller, instead of those that the view computes."""
         self._foam.points = points
 
     def next_colouring(self) -> None:
@@ -172,7 +172,8 @@ class FluidView(View):
         return self.foam or (self.lines and self.colouring == "speed")
 
     def upload(self, position: np.ndarray, normal: np.ndarray | None = None) -> None:
-        """Send a state. Without velocities in `know`, colours are those of the fluids, and foam stays."""
+        """Send a state. If `know` received no velocities, the colours are those of the fluids, and the foam does not
+        change."""
         self.vertices.upload_state(position, False)
         self._send(position, self._velocity)
 
@@ -185,7 +186,7 @@ class FluidView(View):
         self._send(position, self._velocity)
 
     def _send(self, position: np.ndarray | None, velocity: np.ndarray | None) -> None:
-        """Send colours of levels, and ellipsoids, as far as they are shown and known."""
+        """Send the colours of levels and the ellipsoids, if they are shown and known."""
         level, self._velocity = None, None
         if self.foam and velocity is not None and position is not None:
             self._foam.follow(position, velocity, self._when)

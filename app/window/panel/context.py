@@ -41,8 +41,8 @@ class Context:
         self.frames = 0
 
     def frame(self, width: int, height: int, draw: Callable[[], None], seconds: float | None = None) -> None:
-        """Lay out what `draw` says over a window of `width` x `height` pixels. `seconds`: time since the last frame;
-        measured by default."""
+        """Lay out the frame that `draw` describes over a window of `width` x `height` pixels. `seconds`: time since the
+        last frame; measured by default."""
         self.make_current()
         now = perf_counter()
         passed = now - self._last if seconds is None else seconds
@@ -61,11 +61,11 @@ class Context:
     # ------------------------------------------------------------------ events, in pixels from the upper left corner
 
     def mouse_at(self, x: float, y: float) -> None:
-        """Send the place of the pointer."""
+        """Send the position of the pointer."""
         self.io.add_mouse_pos_event(x, y)
 
     def mouse_button(self, number: int, down: bool) -> None:
-        """Send a button, left 0, right 1, middle 2."""
+        """Send a mouse button: left 0, right 1, middle 2."""
         self.io.add_mouse_button_event(number, down)
 
     def wheel(self, across: float, up: float) -> None:

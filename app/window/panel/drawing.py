@@ -1,5 +1,5 @@
-"""Draws what Dear ImGui asks for, triangles cut to rectangles, by pyglet's OpenGL: the lab's own window and context, and no
-second binding to OpenGL beside it."""
+"""Draws the triangles of Dear ImGui, clipped to rectangles, with pyglet's OpenGL, so that no second binding to OpenGL
+is needed."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ class Drawing:
         self._program.stop()
 
     def _renew(self, texture: ImTextureData) -> None:
-        """Make, send anew or free a texture, as Dear ImGui wants it: its glyphs come as they are needed."""
+        """Create, update or free a texture as Dear ImGui requests; glyphs are added as they are needed."""
         from pyglet import gl
 
         wants = self._imgui.ImTextureStatus

@@ -1,4 +1,4 @@
-"""The panel's graphs: frame times as bars, physics and drawing apart, and curves over time."""
+"""The panel's graphs: frame times as bars, physics and drawing separately, and curves over time."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def _frame(imgui: ModuleType, style: PanelStyle, height: float) -> tuple[ImDrawL
 def _small(
     imgui: ModuleType, style: PanelStyle, x: float, y: float, text: str, colour: str, right: bool = False
 ) -> None:
-    """Write a word of a graph that starts at `x`, or ends there."""
+    """Write a word of a graph that starts or ends at `x`."""
     imgui.push_font(style.plain, 12.0)
     across = imgui.calc_text_size(text).x if right else 0.0
     imgui.get_window_draw_list().add_text((x - across, y), style.colour(imgui, colour), text)
@@ -46,7 +46,7 @@ def _digits(number: float) -> str:
 
 
 def frame_times(imgui: ModuleType, style: PanelStyle, times: FrameTimes) -> None:
-    """Draw the last frames: a bar each, drawing on top of physics, and the line of 60 frames a second."""
+    """Draw the last frames: one bar each, drawing on top of physics, and the line of 60 frames/s."""
     lines, left, top, width, tall = _frame(imgui, style, HEIGHT)
     unit, most = style.unit, times.range
     inner, base = tall - NUMBER_MARGIN * unit, top + tall - 3 * unit

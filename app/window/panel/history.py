@@ -21,7 +21,7 @@ class History:
         self._seen: tuple[Statistics | None, Simulation | None] = (None, None)
 
     def record(self, world: Simulation, statistics: Statistics) -> None:
-        """Append the statistics of a world, if they are new; begin anew for another world or an earlier time."""
+        """Append the statistics of a world, if they are new; start again for another world or an earlier time."""
         before, of = self._seen
         if statistics is before:
             return
@@ -39,7 +39,7 @@ class History:
 
 
 def _other(world: Simulation, before: Simulation) -> bool:
-    """Return True if the world has another scene, and not the same one opened anew."""
+    """Return True if the scene of the world is another one, and not the same one reopened."""
     return (
         world.scene.title != before.scene.title or world.scene.grid.particle_count != before.scene.grid.particle_count
     )

@@ -1,4 +1,4 @@
-"""Layout of the panel: a fixed head with time and play, and under it sections that open and close."""
+"""Layout of the panel: a fixed head with the time and the play button, and below it sections that open and close."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ SECTIONS: tuple[tuple[str, Callable[[PanelFrame], None], bool], ...] = (
 
 
 class Layout:
-    """The panel over a viewer; `draw` lays out a frame of it. `every`: all of its sections are open at first."""
+    """The panel over a viewer; `draw` lays out a frame of it. `every`: all sections are open at first."""
 
     def __init__(
         self, imgui: ModuleType, viewer: WindowProtocol, style: PanelStyle, state: PanelState, every: bool = False

@@ -1,5 +1,5 @@
-"""The panel in the demo's window: opened and closed by **A**, beside the scene, which keeps what is left of the
-window. Closed it costs a comparison a frame."""
+"""The panel in the demo's window: opened and closed by **A**, beside the scene, which gets the rest of the window.
+Closed, it costs one comparison per frame."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Panel:
         self._pressed_buttons.clear()
 
     def _make(self) -> None:
-        """Make fonts, buffers and shaders, when it is opened first."""
+        """Create fonts, buffers and shaders at the first opening."""
         from softlab.app.window.panel.drawing import Drawing
 
         window, key = self.viewer.window, self.viewer.pyglet.window.key
@@ -66,7 +66,7 @@ class Panel:
         self._buttons = {buttons.LEFT: 0, buttons.RIGHT: 1, buttons.MIDDLE: 2}
 
     def lay_out(self) -> None:
-        """Lay out a frame, and do what was pressed in it."""
+        """Lay out a frame and carry out what was pressed in it."""
         if self._context is not None and self._layout is not None:
             self.style.apply(self._context.imgui)
             self._context.frame(self.viewer.width, self.viewer.height, self._layout.draw)
@@ -97,7 +97,7 @@ class Panel:
 
     @property
     def takes_keys(self) -> bool:
-        """True if something is being typed into it, or dragged."""
+        """True if text is being typed into it, or it is dragged."""
         return self.open and self._context is not None and self._context.takes_keys
 
     def _over(self, x: float) -> bool:

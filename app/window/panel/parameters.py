@@ -1,5 +1,5 @@
-"""Parameters of a scene that can be steered: every number, word and truth value of its tables, with unit, range and the
-cost of a change. Read from the tables themselves, as docs/scene.md is; nothing is listed here twice."""
+"""Parameters of a scene that the panel can change: every number, word and boolean of its tables, with unit, range and
+whether a change needs a recompile. They are read from the tables, like docs/scene.md."""
 
 from __future__ import annotations
 
@@ -38,9 +38,9 @@ SHAPES = ("grid", "cloth", "mesh", "soft_body", "soft_sheet", "soft_lattice", "r
 
 @dataclass(frozen=True)
 class Parameter:
-    """One field. `path`: dotted; `kind`: number, whole, truth, word or vector; `unit` as its table's comment says; `low`,
-    `high`: the slider's ends; `logarithmic`: a slider of factors; `words`: what a word may be; `live`: whether it changes
-    while running, else `why` not; `note`: what its table says of it."""
+    """One field. `path`: dotted; `kind`: number, whole, truth, word or vector; `unit`: from the table's comment; `low`,
+    `high`: the slider's ends; `logarithmic`: a slider of factors; `words`: allowed words; `live`: it can change during
+    a run, else `why` not; `note`: its description in the table."""
 
     path: str
     kind: Literal["number", "whole", "truth", "word", "vector"]

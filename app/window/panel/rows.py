@@ -51,7 +51,7 @@ class Rows:
         self.imgui.dummy(self.imgui.ImVec2(1, units * self.style.unit))
 
     def value(self, name: str, text: str, colour: str = "ink") -> None:
-        """Write a number that cannot be changed."""
+        """Write a number that is read-only."""
         self.name(name)
         imgui = self.imgui
         imgui.push_style_color(int(imgui.Col_.text), self.style.colour(imgui, colour))
@@ -61,8 +61,8 @@ class Rows:
         imgui.pop_style_color()
 
     def tip(self, text: str) -> None:
-        """Explain the last item while the pointer rests on it. The text lies left of the panel, over the scene: below the
-        pointer it would cover the next rows, where the result of a press appears."""
+        """Explain the last item while the pointer rests on it. The text lies left of the panel, over the scene; below
+        the pointer it would cover the rows in which the result of a press appears."""
         imgui = self.imgui
         if not text or not imgui.is_item_hovered(imgui.HoveredFlags_.for_tooltip):
             return

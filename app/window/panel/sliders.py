@@ -1,4 +1,5 @@
-"""Sliders of the panel, and the row of a field: its name, its slider, and a button that takes back what the scene said."""
+"""Sliders of the panel, and the row of a field: its name, its slider, and a button that restores the value of the
+scene."""
 
 from __future__ import annotations
 

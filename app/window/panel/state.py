@@ -33,7 +33,7 @@ class PanelState:
     _cache: dict[str, tuple[tuple[object, ...], Any]] = field(default_factory=dict)
 
     def cached(self, name: str, of: tuple[object, ...], make: Callable[[], T]) -> T:
-        """Return the result of `make`, made anew only if one of the objects `of` is another: there are many frames."""
+        """Return the result of `make`, recomputed only if one of the objects `of` changed: there are many frames."""
         before, value = self._cache.get(name, ((), None))
         if len(before) != len(of) or any(one is not other for one, other in zip(before, of, strict=True)):
             value = make()

@@ -21,9 +21,9 @@ RGB = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Theme:
-    """Colours (0 to 1). `ground` of the column, `raised` of what can be pressed or dragged, `hovered`, `pressed`; `ink`,
-    `faint` of what is read last; `line` between; `accent` of what is set, `on_accent` upon it; `warning`; `physics`,
-    `drawing`, `second` of curves."""
+    """Colours (0 to 1). `ground` of the column, `raised`, `hovered`, `pressed` of buttons and sliders; `ink`, `faint`
+    of what is read last; `line` between; `accent` of what is set, `on_accent` upon it; `warning`; `physics`, `drawing`,
+    `second` of curves."""
 
     ground: RGB
     raised: RGB

@@ -117,7 +117,7 @@ run_accuracy = Accuracy()
 
 
 def _reference_jobs(missing: Sequence[Case], folder: Path | None) -> list[Job]:
-    """Return the jobs that store in `folder` what these cases are compared with (None: none can)."""
+    """Return the jobs that store the references of these cases in `folder` (None: none can)."""
     if folder is None:
         return []
     jobs: list[Job] = []

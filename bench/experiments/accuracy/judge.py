@@ -51,7 +51,7 @@ def judge_run(scene: Scene, state: State, diverged: Diverged | None = None) -> t
     if why is not None:
         return None, why
     if scene.external and scene.external.magnitude > 0:
-        return None, "a random force is another force at every step size, so no converged reference exists"
+        return None, "a random force differs at every step size, so there is no converged reference"
     steps = state.time * fastest_rate(scene) * STEPS_PER_RADIAN
     # h and h/2, and h/4 to determine the order
     cost = (3 if smooth(scene) else 7) * steps * 4 * evaluation_seconds(scene)
@@ -67,8 +67,8 @@ def judge_run(scene: Scene, state: State, diverged: Diverged | None = None) -> t
     if not np.isfinite(error):
         return None, "the reference did not converge"
     if error < 10 * estimate / scene.grid.spacing:
-        unsure = f"it is itself uncertain by {estimate / scene.grid.spacing:.1e} of the spacing"
-        return None, f"below what the reference resolves: {unsure}; an earlier --time may be known better"
+        unsure = f"it is uncertain by {estimate / scene.grid.spacing:.1e} of the spacing"
+        return None, f"below the resolution of the reference: {unsure}; an earlier --time may be resolved better"
     return error, None
 
 

@@ -46,7 +46,7 @@ def admitted(scene: Scene) -> str:
 
 
 def changes(name: str, iterations: int = 1, substeps: int = 1) -> dict[str, Any]:
-    """Return the fields of a scene, by dotted path, that select this method, whatever solver the scene itself names."""
+    """Return the fields of a scene, by dotted path, that select this method, whatever solver the scene names."""
     if not position_based(name):
         return {"method.solver": "mass-spring", "method.integrator": name}
     solver, ordering = name.split()
@@ -60,7 +60,7 @@ def efforts(method: Mapping[str, Any]) -> tuple[int | None, int | None]:
 
 
 def why_unknown(scene: Scene) -> str | None:
-    """Return the reason why the scene's motion has no converged reference and what to do; None if it has one.
+    """Return the reason why the scene's motion has no converged reference, with a remedy; None if it has one.
 
     A reference exists if Newton's law determines the motion and bench/reference/ supports all parts of the scene. Every
     command that reports an error depends on this function. Constraints must be springs: an inextensible constraint has
@@ -70,18 +70,20 @@ def why_unknown(scene: Scene) -> str | None:
     if family.unknown is not None:
         return family.unknown
     if scene.whole.phases:
-        return "no converged reference knows pins that let go; leave out [release]"
+        return "no converged reference supports released pins; leave out [release]"
     if scene.self_collision:
-        return "a cloth that meets itself has no converged reference; leave out [self_collision], or see softlab run"
+        return (
+            "a cloth in contact with itself has no converged reference; leave out [self_collision], or see softlab run"
+        )
     if scene.attachments:
-        return "no converged reference knows long-range attachments; leave out [attachments]"
+        return "no converged reference supports long-range attachments; leave out [attachments]"
     if scene.method.solver == "pbd":
         return (
             "pbd has no converged reference: its stiffness is that of its step size and iterations; "
             "--set method.solver=xpbd has the springs'"
         )
     if any(springs.inextensible for springs in (scene.springs, *scene.cloth_springs.values()) if springs):
-        return "springs that do not give (compliance 0) have no converged reference; give them a compliance"
+        return "inextensible springs (compliance 0) have no converged reference; give them a compliance"
     return None
 
 
@@ -93,9 +95,7 @@ def newton(scene: Scene) -> Scene:
     """
     why = why_unknown(scene)
     if why is None and scene.loads:
-        why = (
-            "no converged reference can be had by mass-spring where masses differ; leave out loads, or see softlab run"
-        )
+        why = "mass-spring has no converged reference for different masses; leave out loads, or see softlab run"
     if why is not None:
         raise SceneError("method.solver", scene.method.solver, why)
     return scene.replace({"method.solver": "mass-spring"}) if scene.method.position_based else scene

@@ -149,7 +149,7 @@ class AccuracyPoint:
 def method_words(name: str, iterations: int | None) -> str:
     """Return e.g. `xpbd jacobi, 4 iterations`; an integrator has its name only.
 
-    A method that converges to something else is marked as such.
+    A method that converges to another solution is marked.
     """
     if iterations is None:
         return name

@@ -11,8 +11,8 @@ constant over its step. At another step size the force is another one, so halvin
 nothing. Between two draws the force is constant: with the draws of the scene's own step size the motion is an ordinary
 one, which RK4 solves with whole fractions of that step, in NumPy float64, with the force of bench/reference/.
 
-References by solvers of this lab use float64 and exact math on the CPU. They are not independent of what they are
-compared with; tests compare those very configurations with bench/reference/ to rounding. Callers state which reference
+References by solvers of this lab use float64 and exact math on the CPU. They are not independent of the solvers that
+they judge; tests compare those very configurations with bench/reference/ to rounding. Callers state which reference
 they use.
 """
 

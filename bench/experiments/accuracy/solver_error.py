@@ -1,10 +1,11 @@
 """Distance of a position-based run from its own scheme with converged iterations: the solver's error.
 
-The error against Newton's law (bench/experiments/accuracy/judgement.py) is that of the scheme, implicit Euler, plus
-what its iterations leave over. The second part alone is the distance to the same scheme, step size and ordering with so
-many iterations that twice as many change less than `CHANGE_FRACTION` of it, in float64 and exact math on the CPU. Orderings
-converge to slightly different states, because a projection goes along the constraint's direction in that iterate
-(Macklin et al., XPBD, 2016, section 4). For the same reason the balance below does not vanish with the iterations.
+The error against Newton's law (bench/experiments/accuracy/judgement.py) is that of the scheme, implicit Euler, plus the
+error of unfinished iterations. The second part alone is the distance to the same scheme, step size and ordering with so
+many iterations that twice as many change less than `CHANGE_FRACTION` of it, in float64 and exact math on the CPU.
+Orderings converge to slightly different states, because a projection goes along the constraint's direction in that
+iterate (Macklin et al., XPBD, 2016, section 4). For the same reason the balance below does not vanish with the
+iterations.
 """
 
 from __future__ import annotations

@@ -128,7 +128,7 @@ def _check(scene: Scene, end: float) -> int:
         raise SceneError("--time", end, "must be greater than 0 and finite")
     motion = newton(scene)
     if len(set(pinned_indices(scene.grid).tolist())) == scene.grid.particle_count:
-        raise SceneError("grid.pinned", scene.grid.pinned, "every mass is pinned: nothing moves, nothing is needed")
+        raise SceneError("grid.pinned", scene.grid.pinned, "every mass is pinned, so nothing moves")
     limit = stability_limit(scene)
     if dt > limit * (1 + 1e-12):
         remedy = (
@@ -156,21 +156,21 @@ def _check(scene: Scene, end: float) -> int:
 def _notes(scene: Scene, wanted: float, end: float, summary: AblationSummary) -> list[str]:
     notes = []
     if not math.isclose(wanted, end, rel_tol=1e-9):
-        notes.append(f"judged at {end:g} s, not {wanted:g}: a whole number of steps, and of steps twice as long")
+        notes.append(f"judged at {end:g} s, not {wanted:g}: a whole number of steps and of steps of twice the size")
     if random_force(scene):
         notes.append(
-            "the random force is another one at every step size: step sizes are not varied, and the reference holds each "
-            "of its draws over its step"
+            "the random force differs at every step size: step sizes are not varied, and the reference keeps each "
+            "random value over its step"
         )
     elif not by_numpy(scene, end):
         notes.append("the reference was solved by the lab's own rk4 in float64: NumPy's would have taken minutes")
     if any(row.suspect for table in summary.tables for row in (table.full, *table.rows)):
-        notes.append("?: other programs ran, or the samples scatter; ask again on a quiet machine")
+        notes.append("?: other programs ran, or the samples scatter; repeat it on a quiet machine")
     return notes
 
 
 class _Work:
-    """Measurement of one scene; `end` [s]: the time of judgement."""
+    """Measurement of one scene; `end` [s]: the time at which errors are computed."""
 
     def __init__(self, store: Store, scene: Scene, steps: int, summary: AblationSummary):
         self.store, self.scene, self.steps, self.summary = store, scene, steps, summary
@@ -258,7 +258,7 @@ class _Work:
         return distance(state.position, theirs, free, self.scene.grid.spacing)[0]
 
     def _time(self, subjects: Sequence[Subject], report: Report) -> None:
-        """Sample in turn, again while the samples are disturbed, and store the minimum of each."""
+        """Sample in turn, repeat disturbed samples, and store the minimum of each."""
         taken: dict[int, list[float]] = {id(subject): [] for subject in subjects}
         marks: dict[int, list[str]] = {id(subject): [] for subject in subjects}
         for _ in range(MAX_ROUNDS):

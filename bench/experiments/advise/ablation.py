@@ -32,7 +32,7 @@ class Ablation:
     """One change of a scene.
 
     `name`: of the run, e.g. `without gravity`; `why`: the reason why it may be cheaper; `kind`: `PART` ... `FINER`;
-    `spares`: what the run does without, e.g. `gravity`; `drop`: the name of a part, or empty; `changes`: of other
+    `spares`: the part that is left out, e.g. `gravity`; `drop`: the name of a part, or empty; `changes`: of other
     fields, by dotted path.
     """
 
@@ -117,5 +117,5 @@ def ablations(scene: Scene) -> list[Ablation]:
 
 
 def random_force(scene: Scene) -> bool:
-    """True if the scene has a random force, which is drawn anew every step."""
+    """True if the scene has a random force, with new random values in every step."""
     return scene.external is not None and scene.external.magnitude > 0

@@ -70,9 +70,10 @@ class AblationRow:
 
 @dataclass(frozen=True)
 class Ablated:
-    """All rows of one scene on one backend: `full`, and `rows`, those that save most first.
+    """All rows of one scene on one backend: `full`, and `rows`, sorted by the time saved.
 
-    `title`, `dt` [s] and `integrator` are those of the full scene; `end` [s] is the time of judgement.
+    `title`, `dt` [s] and `integrator` are those of the full scene; `end` [s] is the time at which errors are
+    computed.
     """
 
     title: str
@@ -114,7 +115,7 @@ class Ablated:
         return NEEDED if row.change > self.floor else NOT_NEEDED
 
     def printed_verdict(self, row: AblationRow) -> str:
-        """Return the verdict on what the row is named after: the part left out, or the cheaper replacement."""
+        """Return the verdict on the row's subject: the part left out, or the cheaper replacement."""
         words = {PART: {}, FINER: FINER_STEP}.get(row.kind, REPLACED)
         verdict = self.verdict(row)
         return words.get(verdict, verdict)
@@ -128,7 +129,7 @@ class Ablated:
             broke = [row.name for row in self.rows if row.broke]
             text = (
                 f"{head}: unknown what it needs at {self.end:g} s, because a perturbation has grown "
-                f"{self.full.growth:.1e} times (over {MAX_GROWTH:g}); ask for a shorter --time, or compare the statistics"
+                f"{self.full.growth:.1e} times (over {MAX_GROWTH:g}); use a shorter --time, or compare the statistics"
             )
             return text + (f"; it diverges {_listed(broke)}." if broke else ".")
         writers = {PART: self._parts_words, INTEGRATOR: self._method_words, ARITHMETIC: self._method_words,

@@ -65,7 +65,7 @@ class Advice(BaseAdvice[Choice]):
 
     `scene`: as requested; `error` [spacings]: requested at `time` [s]. `growth`: the factor by which a disturbance of
     1e-9 has grown by then. `choices`: every configuration that reaches the error and was timed, fastest first.
-    `beaten`: (method in words, why it was not timed). `why`: why there is no answer and what to do, None if there is
+    `beaten`: (method in words, why it was not timed). `why`: why there is no answer, with a remedy, None if there is
     one. `notes`: remarks on the answer. `seconds`: duration of the search.
     """
 

@@ -72,7 +72,8 @@ def time_in_turn(
 
 
 class BaseAdvice(Generic[C]):
-    """Base of all answers: `scene`, as requested, `choices` that reach the error, fastest first, `why` there are none."""
+    """Base of all answers: the requested `scene`, `choices` that reach the error, fastest first, `why` there are
+    none."""
 
     scene: Scene
     choices: tuple[C, ...]

@@ -3,7 +3,7 @@
 Particles of a fluid separate in any motion, so the distance of two states is meaningless. The runs are compared by the
 mean density error, the centre of mass and the height at one time. A second run whose particles start `DISTURBED`
 spacings off shows how far two runs of the same scene differ by then. A part that changes less than `CLEAR` times that,
-and less than what is visible, is not needed. All runs are timed in turn, from the scene's start.
+and less than is visible, is not needed. All runs are timed in turn, from the scene's start.
 """
 
 from __future__ import annotations
@@ -81,7 +81,8 @@ class FluidAblation(Summary):
 
 
 def left_out(scene: Scene) -> Iterator[Ablation]:
-    """Yield what any scene can leave out or make cheaper, and each effect of its fluids beside keeping their density."""
+    """Yield parts that any scene can leave out or replace by cheaper ones, and each effect of its fluids except the
+    density constraint."""
     yield from (one for one in ablations(scene) if one.kind != FINER)
     for name, part in scene.fluids.items():
         for option in OPTIONS:

@@ -61,7 +61,7 @@ class Kind:
 
     @property
     def sweeps(self) -> int:
-        """Cost of a step in force evaluations or their equivalent."""
+        """Cost of a step in force evaluations or equivalents."""
         return sweeps(self.integrator, self.iterations or 1)
 
     @property
@@ -112,7 +112,8 @@ class Search:
         }
 
     def case(self, kind: Kind, steps: int) -> Case:
-        """Return the configuration, whose description includes the time of judgement, which is not part of the scene."""
+        """Return the configuration, whose description includes the time at which errors are computed, which is not part
+        of the scene."""
         scene = self.task.scene.replace(kind.changes(self.task.end / steps))
         base = make_case("", scene, kind.backend, kind.precision)
         return replace(base, description=base.description | {"end": self.task.end})

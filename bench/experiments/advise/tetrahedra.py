@@ -250,7 +250,7 @@ def _law_of(bar: Bar) -> float:
 
 
 def _beside(store: Store, machine: str) -> Iterator[str]:
-    """Yield a sentence on the store's own bars: the one whose error exceeds the law of rows most."""
+    """Yield a sentence on the bars in the store: the one whose error exceeds the law of position-based rows most."""
     rows = [b for b in bars(measures(store, machine=machine)) if b.solver == "xpbd" and b.iterations in SWEEPS]
     compared = [(bar.solver_error, _law_of(bar), bar) for bar in rows if bar.precision == "float64"]
     compared = [one for one in compared if one[1] <= LARGEST and isfinite(one[0])]

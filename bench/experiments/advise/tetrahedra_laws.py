@@ -84,7 +84,7 @@ def least_substep(place: float, gravity: float, error: float) -> float:
 
 
 def fewest(enough: Callable[[int], bool]) -> int | None:
-    """Return the least number up to `MOST` that is `enough`, if all larger ones are too; None if none is."""
+    """Return the smallest number up to `MOST` from which on all are `enough`; None if there is none."""
     high = 1
     while not enough(high):
         high *= 2

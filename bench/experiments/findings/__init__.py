@@ -1,5 +1,5 @@
 """Small experiments behind single sentences of the lab book.
 
 `experiment` has most of them, `costs` and `determinism` the costs of checks and of a fixed order; the other files are
-what they are timed against.
+the alternatives for comparison.
 """

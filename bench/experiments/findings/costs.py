@@ -49,7 +49,7 @@ def groups(store: Store, backends: Sequence[str], quick: bool) -> list[Group]:
 
 
 class Costs(Items):
-    """Measure what the lab's safeguards cost."""
+    """Measure the cost of softlab's checks."""
 
     name, command, doing = "costs", "accuracy", "costs: "
     in_lab = True

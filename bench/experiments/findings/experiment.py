@@ -113,7 +113,7 @@ def _error(scene: Scene, position: np.ndarray, right: np.ndarray) -> float:
 
 
 def _floor(store: Store, backend: str) -> list[Finding]:
-    """Return runs of S1 at ever smaller steps, in both precisions."""
+    """Return runs of S1 at decreasing steps, in both precisions."""
     base, experiments = load_scene(SCENES["S1"]), []
     for precision, method, dt in product(PRECISIONS, FLOOR_METHODS, FLOOR_STEPS):
         scene = base.replace({"method.integrator": method, "method.dt": dt})

@@ -1,7 +1,6 @@
-"""The lab's step as a plain gather on CPU threads, for bench/experiments/findings/determinism.py, not for users.
-
-Each mass sums the forces of its own four springs, so each spring is evaluated twice, once for either mass, and nothing
-is shared. The lab's kernel `fused` gathers too, but carries a force from mass to mass and from row to row.
+"""The hand-out's step as a plain gather on CPU threads, for bench/experiments/findings/determinism.py, not for users.
+Each mass sums the forces of its four springs, so each spring is evaluated twice, once for either mass. The kernel
+`fused` gathers too, but reuses a force for the next mass and the next row.
 """
 
 from __future__ import annotations
@@ -67,7 +66,8 @@ def make_gather(real: Any, math: str, parts: frozenset[str]) -> Any:
 
     @compiler.compiled
     def part_of_row(count, here, left, right, above, below, plane, source, target, parameters):
-        """Step `count` masses from `here` on.
+        """Step `count` masses from index `here` on. At the grid's edges a mass stands for its missing neighbour,
+        because coincident masses exert no force.
 
         At the grid's edges a mass replaces its own missing neighbour, since coincident masses exert no force.
         """

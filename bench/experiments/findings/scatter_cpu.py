@@ -135,7 +135,7 @@ def make_coloured(real: Any, math: str, parts: frozenset[str]) -> Any:
 
 
 class ColouredGrid(GatherGrid):
-    """The same simulation by scattering in colours."""
+    """The same simulation by scattering, colour by colour."""
 
     kernel_name, make = COLOURS, staticmethod(make_coloured)
 

@@ -5,7 +5,7 @@ step sizes would not compare. The accuracy scene S1 is timed from its start, in 
 it hangs still, at four step sizes, the same number of steps each.
 
 LENGTH: the time that a user waits for a run, from the start state to the end state on the host, with launches and copy,
-for runs of different lengths: what is paid once per run decides the short ones.
+for runs of different lengths: costs per run dominate short runs.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ LENGTH_DT = 0.01  # s
 
 
 class Delivered(Subject):
-    """Subject whose runs end with the end state on the host."""
+    """Subject whose runs end with the final state on the host."""
 
     def run(self, steps: int) -> float:
         begin = time.perf_counter()

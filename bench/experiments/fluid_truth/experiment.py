@@ -38,7 +38,7 @@ PEERS = {TANK: ("DFSPH",), DAM: ("DFSPH", "PBF")}  # its methods by kind; its PB
 
 @dataclass(frozen=True)
 class Run:
-    """A setting, run by the lab (`peer` None) or by another program, on so many CPU `threads`."""
+    """A setting, run by softlab (`peer` None) or by another program, on that many CPU `threads`."""
 
     setting: Setting
     backend: str

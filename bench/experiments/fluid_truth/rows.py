@@ -128,7 +128,7 @@ class Tension:
 
 
 def tensions(judged: Iterable[Judged]) -> list[Tension]:
-    """Return a row for each scheme with at least three drops; two always lie on a line."""
+    """Return a row for each scheme with at least three drops, since two always lie on a line."""
     drops: dict[tuple[str, str, int, float], list[Judged]] = {}
     for row in judged:
         if row.kind == TENSION and laws.INSIDE in row.numbers:

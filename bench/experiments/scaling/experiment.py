@@ -207,7 +207,7 @@ class Scaling(Rates):
             if case.scene not in ends:
                 ends[case.scene] = _end_of(replace(case, gpus=1))
             wanted, end = ends[case.scene], _end_of(case)
-            numbers: Measures = {DIFFERENCE: (None, "m", f"over {CHECKED} masses no states are compared")}
+            numbers: Measures = {DIFFERENCE: (None, "m", f"states are not compared above {CHECKED} masses")}
             if end is not None and wanted is not None:
                 off = float(np.abs(np.subtract(end, wanted, dtype=np.float64)).max())
                 steps = _check_steps(case.scene)
@@ -220,7 +220,7 @@ class Scaling(Rates):
             return {}
         count = subject.name.gpus
         joules = joules_of_all(subject, [nvml_counter(k) for k in range(count)])
-        why = f"of {count} GPUs, by NVML" if joules else "no counter, or it moves too rarely"
+        why = f"of {count} GPUs, by NVML" if joules else "no counter, or it advances too rarely"
         return {JOULES: (joules, "J", why)}
 
 
@@ -237,7 +237,7 @@ def _sheet(p: Row) -> tuple[Any, ...]:
 def speedups(timed: Sequence[Row]) -> list[tuple[Row, float, float | None]]:
     """Return (point, speed-up over one GPU, speed-up by the model or None) of points of more than one GPU.
 
-    Only points whose sheet was measured on one GPU too, without windows that took turns.
+    Only points whose sheet was measured on one GPU too, without windows that alternate on a GPU.
     """
     alone = {(*_sheet(p), p.rows): p for p in timed if p.gpus == 1}
     result = []

@@ -1,7 +1,7 @@
 """Model of a grid on many GPUs: the steps of a window, exchanges, waiting for neighbours, checkpoint files, failures.
 
 The time of a step of the largest window comes from the table of kernels (gpu_backend/mass_spring/grid/choice.py), that
-of an exchange from a link (model/domains/link.py). The way of sending (WAYS) determines what can be overlapped and the
+of an exchange from a link (model/domains/link.py). The method of sending (WAYS) determines what can overlap and the
 time on the host.
 """
 

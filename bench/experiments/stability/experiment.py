@@ -77,7 +77,7 @@ FULL = Extent(
 
 @dataclass(frozen=True)
 class Case(case_timing.Case):
-    """One point of the map, or (`edge`) one edge to find."""
+    """One point of the map, or (`edge`) one limit to search for."""
 
     edge: bool = False
 

@@ -87,7 +87,7 @@ class Edge:
 
 
 def place_of(description: Mapping[str, Any]) -> Place:
-    """Return the place of a configuration, as bench.store.results.configuration describes it."""
+    """Return the position on the map of a configuration, as bench.store.results.configuration describes it."""
     return _place(canonical(description["scene"]), description["backend"], description["precision"])
 
 
@@ -128,10 +128,9 @@ def stability_of(all_measures: Iterable[Measure]) -> tuple[list[MapPoint], list[
 
 
 def disagreements(points: Sequence[MapPoint], between: str = "backend") -> tuple[int, int]:
-    """Count (places where one diverged and another did not, places that were run by more than one).
-
-    Compares backends or precisions, as `between` says, all else being equal. The other outcomes differ by thresholds on
-    speeds and count as one here.
+    """Return (number of points at which one diverged and another did not, number of points with more than one run).
+    `between` selects the comparison of backends or of precisions, all else being equal. The other outcomes differ by
+    thresholds on speeds and count as one here.
     """
     groups: dict[Place, dict[str, bool]] = {}
     for point in points:

@@ -76,7 +76,8 @@ def bars(stored: Sequence[Measure]) -> list[Bar]:
 
 
 def of_one_version(measured: Sequence[Bar]) -> list[Bar]:
-    """Return the bars of one version of the kernels, whose times compare: the one with most meshes, then most bars."""
+    """Return the bars of one version of the kernels, so that their times compare: the version with most meshes, then
+    with most bars."""
     versions: dict[str, list[Bar]] = {}
     for bar in measured:
         versions.setdefault(bar.version, []).append(bar)

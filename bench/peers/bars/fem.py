@@ -2,7 +2,7 @@
 
 Implicit Euler of the lab's `neo-hookean` material on linear tetrahedra with lumped masses: one Newton step of the exact
 tangent per substep, by conjugate gradients with a diagonal preconditioner, with as many substeps as the lab's own
-Newton method in the scene. The toolkit assembles a sparse matrix anew in every substep, through Python, so its steps
+Newton method in the scene. The toolkit assembles a sparse matrix again in every substep, through Python, so its steps
 cannot be captured in a graph.
 """
 

@@ -73,7 +73,7 @@ class NewtonTetrahedra(Newton):
     def refusal(self, scene: Scene) -> str | None:
         reason = self.scene_refusal(scene)
         if reason is None and len(scene.tetrahedra_set.tetrahedra) > MOST:
-            return "its model, made of Python lists, would take minutes to build"
+            return "building its model from Python lists would take minutes"
         return reason
 
     def bound(self, scene: Scene, precision: str) -> float:

@@ -135,7 +135,7 @@ def by_stress(across: int, young: float, stress: Stress, law: str) -> Tip:
 def tetrahedra_refusal(scene: Scene) -> str | None:
     """Return why a peer of a free neo-Hookean body cannot run the scene, or None."""
     if not scene.tetrahedra or scene.method.solver != "newton":
-        return "it knows the free bar of tetrahedra alone"
+        return "it supports only the free bar of tetrahedra"
     unknown = set(scene.kinds.values()) - {"tetrahedral_body", "gravity", "method"}
     if unknown:
         return f"it has no {', '.join(sorted(unknown))} as the lab means it"

@@ -26,7 +26,7 @@ def opened_peer(peer: Peer, scene: Scene, threads: int, stack: ExitStack) -> Bes
 
 
 class _Entered(Beside):
-    """A peer's simulation that the stack closes by itself."""
+    """A peer's simulation, closed with the stack."""
 
     def __enter__(self) -> _Entered:
         return self

@@ -138,7 +138,7 @@ class _Process(Opened):
         self._ask(f"advance {steps * self._dt * self._larger**0.5!r}")
 
     def synchronize(self) -> None:
-        """Return at once: every answer has been waited for."""
+        """Return at once, since every call waits for its result."""
 
     def load(self, position: np.ndarray, velocity: np.ndarray) -> None:
         space = {name: np.zeros((len(position), 3), np.float32) for name in ("position", "velocity")}

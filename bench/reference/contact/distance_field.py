@@ -1,8 +1,8 @@
 """Sampled signed distance as a collider, in slow, plain NumPy float64: weights of eight samples, mass by mass.
 
-From the description in model/tables/colliders/distance_field.py, without model/formulas. In the body's frame a path that
-enters the body ends there; then a mass nearer than the thickness is pushed along the gradient by what is missing, at
-most four times.
+From the description in model/tables/colliders/distance_field.py, without model/formulas. In the body's frame a path
+that enters the body ends there; then a mass nearer than the thickness is pushed along the gradient by the missing
+distance, at most four times.
 """
 
 from __future__ import annotations

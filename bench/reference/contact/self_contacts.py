@@ -152,8 +152,8 @@ def _normals(
 ) -> np.ndarray:
     """Return normals (n, 3) from the nearest point to the mass.
 
-    Where that vector is too short, the triangle's normal on the mass's side; where the mass is on neither side, up for
-    a mass whose number is above that of the triangle's first corner, down for the others.
+    If that vector is too short, it is the triangle's normal on the mass's side; if the mass is on neither side, the
+    normal for a mass whose number is above that of the triangle's first corner, its opposite for the others.
     """
     q = before[corners]
     normal = np.cross(q[:, 1] - q[:, 0], q[:, 2] - q[:, 0])
@@ -193,7 +193,7 @@ def limited(
 ) -> np.ndarray:
     """Return the remaining part of the planes' depth `deep` with the triangles at `now`: (n,) [m].
 
-    It is at most what the vertex lacks of the distance from its triangle, unless the vertex began inside (`r`, at the
+    It is at most the missing distance of the vertex from its triangle, unless the vertex began inside (`r`, at the
     beginning of the substep, against the normal), or came through one of the triangles around. Beside a triangle whose
     own normal is the contact's, the distance is that from the nearest one around.
     """
@@ -224,8 +224,8 @@ def project(
 ) -> np.ndarray:
     """Return `position` after one sweep: (particles, 3) [m].
 
-    `weight` (particles,): inverse masses, 0 where pinned; `press` (n,): to which normal impulses are added, for
-    surfaces, whose friction comes later.
+    `weight` (particles,): inverse masses, 0 where pinned; `press` (n,): normal impulses are added to it, for surfaces,
+    whose friction comes later.
     """
 
     def offset(p: np.ndarray) -> np.ndarray:
@@ -265,7 +265,9 @@ def simulate(
     SceneError for parts that are not supported here.
     """
     if scene.wind or scene.external or scene.attachments or scene.loads or not scene.self_collision:
-        raise SceneError("scene", scene.name, "the reference of contacts knows springs, gravity, dampers and colliders")
+        raise SceneError(
+            "scene", scene.name, "the reference of contacts supports springs, gravity, dampers and colliders"
+        )
     grid, method, part = scene.grid, scene.method, scene.self_collision
     h, shape = method.dt / method.substeps, (grid.rows, grid.columns, 3)
     constraints = xpbd.of_scene(scene)

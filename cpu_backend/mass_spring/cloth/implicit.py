@@ -77,8 +77,8 @@ from softlab.model.mass_spring.implicit_parameters import (
 
 
 def control_type(real: Real) -> np.dtype:
-    """Return the structured type of what passes leave for the next: its kind, steps done, Counts and Values of
-    formulas/implicit.py."""
+    """Return the structured type of the values that passes leave for the next: its kind, number of solves, Counts and
+    Values of formulas/implicit.py."""
     integers = [(name, np.int64) for name in ("next", "steps", *implicit.Counts._fields)]
     numbers = [(name, real) for name in implicit.Values._fields]
     return np.dtype((np.record, np.dtype([*integers, *numbers], align=True)))

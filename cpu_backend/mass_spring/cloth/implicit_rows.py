@@ -222,7 +222,7 @@ def finish_row(i, step, blocks, layout, source, work, target, parameters, bodies
 
 
 def system_functions(compiler: Compiler, real: Real, parts: frozenset[str]) -> dict[str, Any]:
-    """Return what the open names of the passes stand for in a scene."""
+    """Return the functions for the open names of the passes in a scene."""
     springs, integrator = spring_parts(parts), "implicit-euler"
     elsewhere = compiler.variant_of(real, cloth_features(real, integrator, parts - springs))
     system = compiler.variant_of(real, cloth_features(real, integrator, springs))

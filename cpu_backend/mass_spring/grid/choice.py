@@ -80,14 +80,14 @@ def choose_kernel(scene: Scene, real: Real, wanted: str | None) -> str:
 def default_kernel(scene: Scene, real: Real) -> tuple[str, str]:
     """Return (kernel, reason) for a scene without a choice."""
     if scene.method.integrator == "rk4":
-        return "fused", "the others run one force a step, rk4 has four"
+        return "fused", "the others evaluate forces once per step, rk4 four times"
     rows, columns = scene.grid.rows, scene.grid.columns
     size = 2 * padded(rows, columns, real).size * np.dtype(real).itemsize
     states = f"both states take {readable(size)}"
     if size > TILED_BYTES and columns >= block_of(real):
-        return "tiled", f"{states}, more than a cache holds: {LEVELS} steps for one way through memory"
+        return "tiled", f"{states}, more than a cache holds: {LEVELS} steps per pass over memory"
     if threading_layer() != TEAM_LAYER:
         return "tiled", f"{states}; one parallel region for {LEVELS} steps, since layer {threading_layer()} has no team"
     if size > TILED_BYTES:
-        return "team", f"rows of {columns} masses are too short for tiles; no parallel region a step"
-    return "team", f"{states}, which a cache holds: no parallel region a step"
+        return "team", f"rows of {columns} masses are too short for tiles; no parallel region per step"
+    return "team", f"{states}, which fit into a cache: no parallel region per step"

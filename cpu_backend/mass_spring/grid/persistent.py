@@ -32,7 +32,7 @@ TEAM_SCRATCH_ROWS = SCRATCH_ROWS + ABOVE_ROWS  # one more walk: that of the lowe
 
 @routine
 def walk(start, end, kind, step, states, current, sheet, above, sums, width):
-    """Do the rows from `start` to before `end`, whose walk was begun."""
+    """Do the rows from `start` to before `end` of a walk that has begun."""
     layout = sheet.layout
     rows, columns, stride, plane = layout[L_ROWS], layout[L_COLUMNS], layout[L_STRIDE], layout[L_PLANE]
     source, target = row_at(states, current * PLANES * plane), row_at(states, (1 - current) * PLANES * plane)

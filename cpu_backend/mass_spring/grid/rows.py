@@ -148,7 +148,7 @@ def add_later_parts(i, column, blocks, layout, parameters, integers, step, sums,
 
 @routine
 def apply_pins(i, column, blocks, source, here, source_plane, target, there, target_plane, sheet):
-    """Put pinned masses of row `i` where `source` has them, at rest."""
+    """Put the pinned masses of row `i` at their positions in `source`, at rest."""
     for k in range(sheet.pin_start[i], sheet.pin_start[i + 1]):
         j = sheet.pin_column[k] - column
         if j >= 0 and j < blocks * BLOCK:

@@ -3,9 +3,9 @@
 A band of rows is divided into tiles of columns. A tile's walk goes down the rows with `levels` passes in flight: level
 k is one row behind level k - 1, whose last two rows it reads from a small ring; level 1 reads the state, the last level
 writes the other state. So a row is read once and written once for all levels, and intermediate rows stay in the
-second-level cache. Nothing is exchanged: a band or tile also computes what it needs of its neighbours. In rows this is
-exact; in columns it is a halo of whole blocks on both sides, whose outer columns become invalid by one column per level
-and are never used.
+second-level cache. Nothing is exchanged: a band or tile also computes the values that it needs of its neighbours. In
+rows this is exact; in columns it is a halo of whole blocks on both sides, whose outer columns become invalid by one
+column per level and are never used.
 """
 
 from __future__ import annotations

@@ -38,7 +38,8 @@ def block_threads(masses: int) -> int:
 
 
 def block_bytes(real: Any, parts: frozenset[str], masses: int) -> int:
-    """Return the shared memory of the block [bytes]: two copies of what neighbours read, and of the air's velocity."""
+    """Return the shared memory of the block [bytes]: two copies of the values that neighbours read, and of the air's
+    velocity."""
     arrays = 2 if kicks_coupled(parts) else 4
     return (arrays * masses + 2) * SIZE * np.dtype(real).itemsize
 

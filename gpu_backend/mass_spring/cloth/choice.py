@@ -58,7 +58,7 @@ def why_not_one_block(scene: Scene, real: Any, parts: frozenset[str], limits: tu
     """Return the reason why the kernel `one-block` cannot run the scene, or "". `limits`: of `device_limits`."""
     masses = scene.grid.particle_count
     if scene.method.integrator == "rk4":
-        return "runs integrators with one force a step, not rk4; use graph"
+        return "supports integrators with one force evaluation per step, not rk4; use graph"
     if masses > MAX_THREADS:
         return f"holds at most {MAX_THREADS} masses, this sheet has {masses}; use graph"
     needed, most = block_bytes(real, parts, masses), (limits or device_limits())[1]
@@ -70,9 +70,11 @@ def why_not_one_block(scene: Scene, real: Any, parts: frozenset[str], limits: tu
 def why_not_resident(scene: Scene, parts: frozenset[str]) -> str:
     """Return the reason why `resident` cannot run the scene, whatever the tile, or ""."""
     if scene.method.integrator == "rk4":
-        return "runs integrators with one force a step, not rk4; use graph"
+        return "supports integrators with one force evaluation per step, not rk4; use graph"
     if scene.method.integrator == "velocity-verlet" and not kicks_coupled(parts):
-        return "runs velocity-verlet with neither wind nor dampers along springs (no force of velocities); use graph"
+        return (
+            "supports velocity-verlet without forces that depend on velocities (wind, dampers along springs); use graph"
+        )
     return ""
 
 
@@ -113,7 +115,7 @@ def default_cloth_kernel(
 
 
 def cloth_kernel(scene: Scene, real: Any, parts: frozenset[str], asked: str | None) -> str:
-    """Return the kernel asked for, without its tile, or the default. Raises SceneError for one that cannot run the
+    """Return the requested kernel, without its tile, or the default. Raises SceneError for one that cannot run the
     scene."""
     if asked is None:
         return default_cloth_kernel(scene, real, parts)[0] if can_capture() else "launch"
@@ -133,7 +135,7 @@ def cloth_kernel(scene: Scene, real: Any, parts: frozenset[str], asked: str | No
 
 
 def cloth_tile(scene: Scene, real: Any, parts: frozenset[str], kernel: str, asked: str | None) -> Tile | None:
-    """Return the tile of the kernel `resident`: the one asked for, as in `resident:8x8x1h1`, or the table's. Raises
+    """Return the tile of the kernel `resident`: the requested one, as in `resident:8x8x1h1`, or the table's. Raises
     SceneError."""
     if kernel != "resident":
         return None

@@ -231,7 +231,7 @@ def make_cloth_implicit(real: Real, math: str, linear: bool, parts: frozenset[st
 
 
 def implicit_kernel(scene: Scene, real: Real, parts: frozenset[str], asked: str | None) -> str:
-    """Return the only kernel. Raises SceneError if another one was asked for."""
+    """Return the only kernel. Raises SceneError if another one was requested."""
     if asked not in (None, "cooperative"):
         raise SceneError("--kernel", asked, f"must be cooperative for {scene.method.integrator} on the gpu")
     return "cooperative"

@@ -151,5 +151,5 @@ def finish(position, velocity, work, k, step, world):
 
 
 def implicit_sums(parts: frozenset[str]) -> dict[str, Any]:
-    """Return what the open names of this file stand for."""
+    """Return the functions for the open names of this file."""
     return {f"{system}_sum": filled(spring_sum, pulls_of(parts, system)) for system in ("end", "product")}

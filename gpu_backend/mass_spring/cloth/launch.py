@@ -41,9 +41,9 @@ def why_no_cloth_tile(
     if tile.rows > rows or tile.columns > columns:
         return f"a tile of {tile.name} is {tile.rows} x {tile.columns}, larger than the sheet of {rows} x {columns}"
     if (tile.rows < rows and tile.rows <= 2 * overlap) or (tile.columns < columns and tile.columns <= 2 * overlap):
-        return f"a tile of {tile.name} is too small to do {tile.halo} steps by itself"
+        return f"a tile of {tile.name} is too small for {tile.halo} steps"
     if most_to_fetch(tile, parts) > MAX_EACH * tile.threads:
-        return f"a tile of {tile.name} has too few threads for all that they read around it"
+        return f"a tile of {tile.name} has too few threads to read its neighbourhood"
     together = processors * cloth_blocks_together(real, tile, parts)
     return why_not_at_once(rows, columns, tile, prod(cloth_blocks(rows, columns, tile, parts)), together)
 

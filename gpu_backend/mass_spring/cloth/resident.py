@@ -3,7 +3,7 @@
 In the last step of a round of `halo` steps (mass_spring/cloth/tiling.py) a thread sends each mass of its block's border
 as soon as it is computed, as a message with its tag (core/messages.py). The block's threads then poll the masses around
 those that the block owns until they have the tags of this round. No flags and no barrier of the whole sheet: a block
-only waits for what it needs. All blocks must run at once, which a cooperative launch guarantees.
+waits only for the masses that it needs. All blocks must run at once, which a cooperative launch guarantees.
 
 Two alternating message buffers are enough. A block needs masses of another one exactly if the other needs masses of it
 (both depend on the distance between their own masses), and it sends round n + 2 only after it has round n + 1 of that

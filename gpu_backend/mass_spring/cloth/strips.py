@@ -293,7 +293,7 @@ def step_strip(shared, old, new, place, masses, k, columns, moment):
 
 
 def strip_functions(strip: int, parts: frozenset[str]) -> dict[str, Any]:
-    """Return what the open names of this file stand for, but for `kick` and `publish`."""
+    """Return the functions for the open names of this file, except `kick` and `publish`."""
     functions: dict[str, Any] = {"first_mass": None}
     for r in range(strip - 1, -1, -1):
         places = {"is_first": r == 0, "is_last": r == strip - 1, "is_near_last": r == strip - 2}

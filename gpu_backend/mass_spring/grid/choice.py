@@ -1,7 +1,7 @@
 """Choice of the kernel that runs a grid, and of its tiles, from a small measured table, not by a search at run time.
 
 The numbers are us per step of the lab grid on one NVIDIA H200, medians, springs, gravity, damping and two pins
-(`softlab sweep --kernels --backend gpu` measures the kernels anew, `--kernel resident:64x12x4h4` any single tile). A
+(`softlab sweep --kernels --backend gpu` measures the kernels again, `--kernel resident:64x12x4h4` any single tile). A
 choice depends only on their ratios, so it suits other GPUs well enough.
 """
 
@@ -95,9 +95,9 @@ def default_kernel(scene: Scene, real: Any, limits: tuple[int, int] | None = Non
     if not can_capture():
         return "launch", None, "the simulator captures no graphs"
     if scene.method.integrator == "rk4":
-        return "graph", None, "the kernels on tiles run one force a step, rk4 has four"
+        return "graph", None, "the kernels on tiles evaluate forces once per step, rk4 four times"
     if scene.springs and scene.springs.alternate:
-        return "graph", None, "the kernels on tiles know one stiffness, these springs alternate"
+        return "graph", None, "the kernels on tiles support one stiffness; these springs alternate"
     return fastest(_times(scene.grid.rows, scene.grid.columns, real, limits))
 
 

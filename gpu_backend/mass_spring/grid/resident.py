@@ -1,8 +1,9 @@
 """The kernel `resident`: the grid on the chip, for grids that fit there.
 
 A block stores its tile for thousands of steps; every `halo` steps it writes the border of its own masses to device
-memory, sets its flag, waits for the flags of its up to eight neighbours and reads its halo anew. No barrier of the
-whole grid: a block only waits for its neighbours. All blocks must run at once, which a cooperative launch guarantees.
+memory, sets its flag, waits for the flags of its up to eight neighbours and reads its halo again. No barrier of the
+whole grid: a block only waits for its neighbours. All blocks must run at once, which a cooperative launch
+guarantees.
 
 Two alternating border buffers are enough: a block writes border n + 2 only after it saw its neighbours' flags n + 1,
 which they set after they had read border n.

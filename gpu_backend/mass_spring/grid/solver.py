@@ -59,10 +59,16 @@ class MassSpring(SheetPasses):
             raise SceneError("--kernel", "graph", "the CUDA simulator cannot capture graphs; use launch")
         if self.kernel in ON_TILES:
             if self._is_rk4:
-                raise SceneError("--kernel", self.kernel, "runs integrators with one force a step, not rk4; use graph")
+                raise SceneError(
+                    "--kernel",
+                    self.kernel,
+                    "supports integrators with one force evaluation per step, not rk4; use graph",
+                )
             if self.scene.springs and self.scene.springs.alternate:
                 raise SceneError(
-                    "--kernel", self.kernel, "knows one stiffness, not alternating springs; use graph, launch or stages"
+                    "--kernel",
+                    self.kernel,
+                    "supports one stiffness, not alternating springs; use graph, launch or stages",
                 )
             self.tile = self.tile or best_tile(self.kernel, rows, columns, self.real)
             if self.tile is None:

@@ -163,7 +163,7 @@ def on_tiles(
     kernel: Any, real: Any, math: str, integrator: str, parts: frozenset[str], tile: Tile, cut: bool,
     whole: bool = False,
 ) -> tuple[Variant, Any]:  # fmt: skip
-    """Return the variant of a kernel on tiles, and the kernel with what its open names stand for."""
+    """Return the variant of a kernel on tiles, and the kernel with its open names replaced."""
     features = {**grid_features(integrator, parts), **tile_features(tile), "cut": cut, "whole": whole}
     moves = moves_of(integrator, parts)
     runs = {name: filled(run_steps, {"move": move}) for name, move in moves.items() if name != "step"}

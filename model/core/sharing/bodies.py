@@ -37,10 +37,11 @@ class Apart:
 
 
 def require_apart(scene: Scene) -> None:
-    """Raise SceneError for a scene's contacts, which let bodies collide."""
+    """Raise SceneError if the scene's contacts let bodies collide."""
     if scene.contact is not None:
         reason = (
-            "lets bodies collide, which is not shared: leave it out, and they pass through each other, or run it as one"
+            "lets bodies collide, which is not supported on several GPUs or processes; leave it out (bodies then pass "
+            "through each other), or run the scene on one"
         )
         raise SceneError(f"{scene.name_of('contact')}.kind", "contact", reason)
 
@@ -99,11 +100,7 @@ def divide(apart: Apart, count: int, option: str) -> Division:
     if count < 1:
         raise SceneError(option, count, "must be at least 1")
     if count > bodies:
-        reason = (
-            "1 body is never cut"
-            if bodies == 1
-            else f"{bodies} bodies, which are not cut, can be shared by at most {bodies}"
-        )
+        reason = "1 body is never cut" if bodies == 1 else f"{bodies} bodies can be divided among at most {bodies}"
         raise SceneError(option, count, f"{reason}; use {'1' if bodies == 1 else 'fewer'}")
     ends = np.concatenate([[0], np.cumsum(apart.weights)])
     cuts = [0]

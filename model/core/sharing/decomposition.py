@@ -1,8 +1,8 @@
 """Partition of a sheet by rows: pure arithmetic, for every exchange.
 
 A domain owns neighbouring rows. Its window contains these and a halo, rows that its neighbours own. A step reads a
-limited number of rows, so that a window stepped by itself becomes wrong from its cut edges inwards, by that many rows
-per step; the owned rows stay right, bit for bit, until the halo is used up. Then the windows exchange: each sends its
+limited number of rows, so that a window stepped alone becomes wrong from its cut edges inwards, by that many rows per
+step; the owned rows stay right, bit for bit, until the halo is used up. Then the windows exchange: each sends its
 border rows, which are the neighbours' halos. A deeper halo needs fewer messages and computes more rows twice (J.
 Demmel, M. Hoemmen, M. Mohiyuddin, K. Yelick, "Avoiding communication in sparse matrix computations", 2008). Any kernel
 that steps a sheet steps a window.
@@ -18,12 +18,12 @@ from softlab.model.base.errors import SceneError
 from softlab.model.scene.scene import Scene
 
 WHOLE_CLOTH = {  # kinds of tables that refer to masses by their place in it, or connect them across it
-    "load": "lies at a place of the whole cloth",
+    "load": "is at a position of the whole cloth",
     "motion": "moves pins of the whole cloth",
-    "fold": "lays the whole cloth",
-    "external": "draws a number for each mass of the whole cloth",
-    "attachments": "holds masses by pins anywhere in the whole cloth",
-    "self_collision": "lets masses meet from anywhere in the whole cloth",
+    "fold": "folds the whole cloth",
+    "external": "draws a random number for each mass of the whole cloth",
+    "attachments": "attaches masses to pins anywhere in the whole cloth",
+    "self_collision": "lets masses anywhere in the whole cloth collide",
 }
 
 MOST_STEPS = 32  # between two exchanges: beyond it their cost is small relative to that of the rows computed twice
@@ -49,7 +49,7 @@ class Stencil:
     parts: int = 1
 
     def halo(self, parts: int) -> int:
-        """Return the rows that this number of parts of a step in one call needs beyond those that must stay right."""
+        """Return the halo, in rows, for this number of parts of a step in one call."""
         rows = self.rows * self.forces * parts + self.more
         return -(-rows // self.unit) * self.unit
 
@@ -90,7 +90,8 @@ class Border:
 class Decomposition:
     """A sheet of `rows` x `columns` masses in `count` domains with halos of `halo` rows.
 
-    A step is done in `divided` equal steps of windows, after at most `steps` of which they exchange; `unit`: see Stencil.
+    A step is divided into `divided` equal steps of windows, which exchange after at most `steps` of these; `unit`: see
+    Stencil.
     """
 
     rows: int
@@ -213,4 +214,4 @@ def require_local(scene: Scene) -> None:
     idle = scene.external is not None and scene.external.magnitude == 0
     for kind, what in WHOLE_CLOTH.items():
         if scene.all_of(kind) and not (kind == "external" and idle):
-            raise SceneError(scene.name_of(kind), None, f"{what}: run it as one, not shared")
+            raise SceneError(scene.name_of(kind), None, f"{what}; run the scene on one GPU or process")

@@ -1,8 +1,8 @@
 """Partition of the meshes of bodies: pure arithmetic, for every exchange.
 
 A part owns particles. Its window contains these and a halo: everything that a substep reads for the owned particles,
-traced backwards through its sweeps. A window stepped by itself for a substep leaves its owned particles as the whole
-would, bit for bit; then each part sends those that are in the others' halos. As for a sheet
+traced backwards through its sweeps. A window stepped alone for a substep computes its owned particles as the whole mesh
+does, bit for bit; then each part sends those that are in the others' halos. As for a sheet
 (model/core/sharing/decomposition.py) computing twice saves messages (J. Demmel, M. Hoemmen, M. Mohiyuddin, K. Yelick,
 "Avoiding communication in sparse matrix computations", 2008).
 """
@@ -69,7 +69,7 @@ class Message:
 
 @dataclass(frozen=True, eq=False)
 class Partitions:
-    """A `mesh` in `parts`."""
+    """A `mesh` divided into `parts`."""
 
     mesh: SharedMesh
     parts: tuple[Part, ...]

@@ -76,8 +76,8 @@ class Situation:
 
     @cached_property
     def other(self) -> tuple[str, float]:
-        """(integrator, dt [s]) with one force evaluation and the largest stable step size, except the hand-out's, which
-        solves another equation."""
+        """Return (integrator, dt [s]) with one force evaluation and the largest stable step size, except the
+        hand-out's, which solves another equation."""
         able = [i for i in INTEGRATORS.values() if i.forces == 1 and i.order > 0]
         limits = {i.name: stability_limit(self.scene.replace({"method.integrator": i.name})) for i in able}
         best = max(able, key=lambda i: (limits[i.name], i.order))
@@ -85,7 +85,7 @@ class Situation:
 
     @property
     def remedy(self) -> str:
-        """The stable step size, and the integrator whose limit is much larger, if there is one."""
+        """Remedy: the stable step size, and the integrator whose limit is much larger, if there is one."""
         remedy = f"use dt <= {self.limit:.6g} s"
         if self.scene.method.position_based:
             substeps = ceil(self.scene.method.substeps * self.dt / self.limit)
@@ -120,7 +120,7 @@ def beyond_numbers(at: Situation) -> Diagnosis | None:
         return None
     sheet = at.scene.name_of("grid", "cloth") or "grid"
     return Diagnosis(
-        f"stiffness over mass is beyond the numbers of a computer here, so that no step size holds; {sheet}.mass is "
+        f"stiffness over mass is beyond the numbers of a computer here, so that no step size is stable; {sheet}.mass is "
         f"{at.scene.grid.mass:g} kg",
         "use a larger mass, or less stiffness",
     )
@@ -136,7 +136,7 @@ def no_usable_step(at: Situation) -> Diagnosis | None:
     for (name, field), value in sorted(values.items(), key=lambda item: -abs(log10(item[1]))):
         holds = _power_that_holds(at.scene, f"{name}.{field}", value, field in LIGHT)
         if holds is not None:
-            steps = f"steps of {at.limit:.3g} s" if at.limit > 0 else "steps that no number is short enough for"
+            steps = f"steps of {at.limit:.3g} s" if at.limit > 0 else "steps shorter than any floating-point number"
             wrong, bound = ("small", "least") if field in LIGHT else ("large", "most")
             return Diagnosis(
                 f"{name}.{field} = {value:g} is too {wrong}: {at.integrator} would need {steps}",
@@ -188,14 +188,15 @@ def odd_number(at: Situation) -> Diagnosis | None:
 
 
 def over_the_limit(at: Situation) -> Diagnosis | None:
-    """Diagnose a step size over the explicit limit."""
+    """Diagnose a step size above the explicit limit."""
     if not at.over:
         return None
     return Diagnosis(f"dt is {at.dt / at.limit:.4g} times the stability limit of {at.integrator}", at.remedy)
 
 
 def fast_masses(at: Situation) -> Diagnosis | None:
-    """Diagnose a step size under the limit where a mass passes its neighbours before their springs can deflect it."""
+    """Diagnose a step size below the limit at which a mass passes its neighbours before their springs can deflect
+    it."""
     if at.displacement <= FAST:
         return None
     return Diagnosis(
@@ -237,7 +238,7 @@ def diagnose(
         diagnosis = cause(at)
         if diagnosis is not None:
             return Diagnosis(diagnosis.cause, diagnosis.remedy, name)
-    return Diagnosis("no cause of a known kind applies", f"use dt <= {at.dt / 2:.6g} s")
+    return Diagnosis("the cause is unknown", f"use dt <= {at.dt / 2:.6g} s")
 
 
 def refusal(scene: Scene) -> UnstableTimeStep | None:

@@ -1,4 +1,4 @@
-"""The criterion of divergence, and how often it is checked."""
+"""The criterion of divergence, and the interval between checks."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ class Limit:
 
     `law`: its name (tests/laws/law.py). `applies(scene)`: True if the scene's scheme violates it. `bound`: the scheme's
     own law, a clause; `source`: the equation, paper or page that it follows from; `part`: the bound as a number, where
-    the law needs one. `note(scene)`: a run's note for a user who would be misled, or "".
+    the law needs one. `note(scene)`: a note for the user, or "".
     """
 
     name: str

@@ -26,7 +26,7 @@ def changed(violation, compliance, multiplier, inverse):
 
 @formula
 def changes(x, y, z, weight, compliance, multipliers):
-    """(change of the multipliers, their new values)."""
+    """Return (change of the multipliers, their new values)."""
     inverse = reciprocal(weight, 1.0, compliance)
     a = changed(x, compliance, multipliers[0], inverse)
     b = changed(y, compliance, multipliers[1], inverse)

@@ -89,7 +89,7 @@ def damper(values, constants):
 
 @formula
 def with_volume(points, before, weights, values, multiplier, gamma, constants):
-    """(corners after C_H, multiplier of C_H)."""
+    """Return (corners after C_H, multiplier of C_H)."""
     if not FEATURE.alone:
         return points, 0.0
     violation, g = dilation(framed_gradient(points[0], points[1], points[2], points[3], values), values[REST])
@@ -144,7 +144,7 @@ def project(points, before, weights, values, multipliers, constants):
 
 @formula
 def distortion(f):
-    """(C_D^2, G) of a material that has a length C_D."""
+    """Return (C_D^2, G) of a material that has a length C_D."""
     r = rotation(f)
     g = (
         f[0] - r[0], f[1] - r[1], f[2] - r[2], f[3] - r[3], f[4] - r[4], f[5] - r[5],
@@ -158,7 +158,7 @@ def distortion(f):
 
 @formula
 def dilation(f, rest):
-    """(C_H, derivative of C_H by F)."""
+    """Return (C_H, derivative of C_H by F)."""
     if FEATURE.material == COROTATED:
         r = rotation(f)
         along = (dot(r[0], r[1], r[2], f[0], f[1], f[2]) + dot(r[3], r[4], r[5], f[3], f[4], f[5])) + dot(
@@ -188,7 +188,7 @@ def scaled(scale, value):
 
 @formula
 def changed(points, before, weights, values, violation, g, accumulated, compliance, gamma):
-    """(corners after a constraint whose derivative by F is `g`, change of its multiplier).
+    """Return (corners after a constraint whose derivative by F is `g`, change of its multiplier).
 
     `accumulated`: compliance times the multiplier so far.
     """
@@ -212,7 +212,7 @@ def changed(points, before, weights, values, violation, g, accumulated, complian
 
 @formula
 def row(points, before, weights, values, violation, g, compliance, multiplier, gamma):
-    """(corners after one constraint, its multiplier)."""
+    """Return (corners after one constraint, its multiplier)."""
     accumulated = scaled(compliance, multiplier) if FEATURE.soft else 0.0
     moved, change = changed(points, before, weights, values, violation, g, accumulated, compliance, gamma)
     return moved, multiplier + change
@@ -220,8 +220,8 @@ def row(points, before, weights, values, violation, g, compliance, multiplier, g
 
 @formula
 def row_of_length(points, before, weights, values, squared, g, compliance, multiplier, gamma):
-    """(corners, multiplier) as by `row`, for the length of `g` as the constraint; `squared`: that length squared.
-    See the head of the file."""
+    """Return (corners, multiplier) as by `row`, for the length of `g` as the constraint; `squared`: that length
+    squared. See the head of the file."""
     length = sqrt(squared) if FEATURE.soft else 0.0
     accumulated = scaled(length, scaled(compliance, multiplier)) if FEATURE.soft else 0.0
     scaled_compliance = scaled(compliance, squared)

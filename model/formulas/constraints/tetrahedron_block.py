@@ -59,7 +59,8 @@ def less(q, scale, s, t):
 
 @formula
 def relieved(q, compliance, r, y):
-    """(six entries of the symmetric part of Q - compliance R'Y, three of twice its skew part). Q is symmetric."""
+    """Return (six entries of the symmetric part of Q - compliance R'Y, three of twice its skew part). Q is
+    symmetric."""
     xy, yx, xz = column(r, 0, y, 1), column(r, 1, y, 0), column(r, 0, y, 2)
     zx, yz, zy = column(r, 2, y, 0), column(r, 1, y, 2), column(r, 2, y, 1)
     mean = 0.5 * compliance
@@ -172,8 +173,8 @@ def symmetric(h, q):
 
 @formula
 def skew(h, q):
-    """(x, y, z) of Z = [[0, -z, y], [z, 0, -x], [-y, x, 0]], from twice those of Q. Z H + H Z is skew as well, and
-    its three numbers are (tr H - H)(x, y, z)."""
+    """Return (x, y, z) of Z = [[0, -z, y], [z, 0, -x], [-y, x, 0]], from twice those of Q. Z H + H Z is skew as well,
+    and its three numbers are (tr H - H)(x, y, z)."""
     s = h[6]
     a, b, c = s * (h[3] + h[5]), s * (h[0] + h[5]), s * (h[0] + h[3])
     floors = UNITS * a, UNITS * b, UNITS * c

@@ -37,7 +37,7 @@ def away(p, q):
 
 @formula
 def pointed(a, b, c, d):
-    """(six times the volume of a, b, c, d, its derivatives by the four)."""
+    """Return (six times the volume of a, b, c, d, its derivatives by the four)."""
     e, f, g = away(a, b), away(a, c), away(a, d)
     b = cross(f[0], f[1], f[2], g[0], g[1], g[2])
     c = cross(g[0], g[1], g[2], e[0], e[1], e[2])

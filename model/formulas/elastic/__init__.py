@@ -1,1 +1,1 @@
-"""Elastic materials of tetrahedra as energies, stresses and stiffnesses (see model/formulas for what a factory is)."""
+"""Elastic materials of tetrahedra: energies, stresses and stiffnesses."""

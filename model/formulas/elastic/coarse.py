@@ -23,7 +23,7 @@ LEAST_PIVOT = OfPrecision(lambda real: LOST * float(np.finfo(real).eps))
 
 @formula
 def scale_of(squares, count):
-    """s, from the sum of squares of d."""
+    """Scale s, from the sum of squares of d."""
     return sqrt(count / squares) if squares > 0.0 else 0.0
 
 
@@ -62,7 +62,6 @@ def columns(d, e, m):
 
 @formula
 def pivot(left, entry):
-    """(1 / the root of what is left of a diagonal entry, or 0 where only rounding is left; True if what is left is
-    negative)."""
+    """Return (1 / root of the remaining diagonal entry, or 0 if it is rounding error; True if it is negative)."""
     least = LEAST_PIVOT * entry
     return (1.0 / sqrt(left) if left > least else 0.0), left < -least

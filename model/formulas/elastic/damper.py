@@ -78,7 +78,7 @@ def scaled(time, rate, mu, lame):
 
 @formula
 def resisted(e, mu, lame):
-    """(D [Pa], N [Pa]) from E - E_0 and moduli times tau / h."""
+    """Return (D [Pa], N [Pa]) from E - E_0 and moduli times tau / h."""
     twice, bulk = mu + mu, lame * ((e[0] + e[1]) + e[2])
     n = (
         twice * e[0] + bulk, twice * e[1] + bulk, twice * e[2] + bulk, twice * e[3], twice * e[4], twice * e[5],

@@ -15,8 +15,8 @@ and the block is the whole one; otherwise vertices would overshoot and never com
 
 Iterations begin at y where a body is free: all of it falls. Where it is pinned they begin at x0 + h v. There the load
 is already balanced, and a body at rest stays at rest for any number of iterations. From y, iterations would have to
-undo h^2 a in each substep anew, and leave a bar of 1 MPa 20 times too soft at 10 of them. (The paper's adaptive start
-is between the two by the acceleration of the last step, which the state does not contain.)
+undo h^2 a again in each substep, and would leave a bar of 1 MPa 20 times too soft at 10 of them. (The paper's adaptive
+start is between the two by the acceleration of the last step, which the state does not contain.)
 
 A damper resists the rate of Green's strain, as in Newton's method (damper.py). The paper's damper (section 3.5) takes K
 (x - x0) of one vertex alone, which slows down falling and rotating bodies; this one does not act on a rigid motion, has
@@ -59,7 +59,7 @@ def initial_strain(points, values):
 
 @formula
 def damping(f, before, values, rate):
-    """(N, the moduli mu and lambda of Hooke's law at rest), times V tau / h."""
+    """Return (N, the moduli mu and lambda of Hooke's law at rest), times V tau / h."""
     mu, lame = 0.5 * values[9], values[10]
     if FEATURE.material == HOOKEAN:
         mu, lame = values[9], values[10] - values[9]

@@ -32,7 +32,7 @@ def operations(material: int, item: int) -> int:
 
 @formula
 def parts_of(f, rest):
-    """(matrix D whose square is C_D^2, C_H, its derivative G by F, R or, where the material has none, F)."""
+    """Return (matrix D whose square is C_D^2, C_H, its derivative G by F, R or, where the material has none, F)."""
     if FEATURE.material == HOOKEAN:
         g = cofactor(f)
         return f, determinant(f, g) - rest, g, f
@@ -56,7 +56,7 @@ def energy(f, shape, pressure, rest):
 
 @formula
 def stress(f, shape, pressure, rest):
-    """(P, G, R, k_H C_H), matrices as nine numbers by rows. R is F where the material does not use it."""
+    """Return (P, G, R, k_H C_H), matrices as nine numbers by rows. R is F where the material does not use it."""
     d, violation, g, r = parts_of(f, rest)
     p = pressure * violation
     return (

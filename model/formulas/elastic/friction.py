@@ -27,7 +27,7 @@ LEAST = OfPrecision(lambda real: SMALLEST * np.sqrt(np.finfo(real).tiny))
 
 @formula
 def unit(x, y, z):
-    """(length, n) of a vector."""
+    """Return (length, n) of a vector."""
     length = sqrt((x * x + y * y) + z * z)
     s = 1.0 / length if length > 0.0 else 0.0
     return length, s * x, s * y, s * z
@@ -41,7 +41,7 @@ def straight(n):
 
 @formula
 def slid(p, b, c, h, n):
-    """(length, u) of the displacement from b to p relative to a collider of velocity c, tangential to it."""
+    """Return (length, u) of the displacement from b to p relative to a collider of velocity c, tangential to it."""
     x, y, z = (p[0] - b[0]) - h * c[0], (p[1] - b[1]) - h * c[1], (p[2] - b[2]) - h * c[2]
     along = (x * n[1] + y * n[2]) + z * n[3]
     x, y, z = x - along * n[1], y - along * n[2], z - along * n[3]
@@ -76,7 +76,7 @@ def sliding(c, n, t):
 
 @formula
 def rubbed(v, w, n, u, t, hard, h):
-    """(derivative, three numbers; block, six) where the trial velocity v became w. Both are continuous where
+    """Return (derivative, three numbers; block, six) where the trial velocity v became w. Both are continuous where
     nothing slides: there the derivative is 0, and the block its limit, mu lambda / e (I - nn')."""
     lost = max(((v[0] - w[0]) * t[0] + (v[1] - w[1]) * t[1]) + (v[2] - w[2]) * t[2], 0.0)
     s = (hard * n[0]) * lost / max(u[0], SLIP * h)

@@ -74,7 +74,7 @@ EPS = OfPrecision(lambda real: np.finfo(real).eps)
 
 @formula
 def after_looking(phase, halvings, energy, trial, noise, fraction, slope):
-    """(next pass, energy, fraction, halvings)"""
+    """Return (next pass, energy, fraction, halvings)"""
     if phase == BEHIND:
         return ACCEPT, trial, fraction, halvings
     if phase == BEFORE:
@@ -90,7 +90,7 @@ def after_looking(phase, halvings, energy, trial, noise, fraction, slope):
 
 @formula
 def after_moving(kind, phase, safe, steps, energy, slope, iterations):
-    """(next pass, phase, safe, steps) after `accept` or `return`."""
+    """Return (next pass, phase, safe, steps) after `accept` or `return`."""
     if phase == BEHIND:
         return AHEAD, BEFORE, safe, steps
     if phase == BEFORE:
@@ -106,7 +106,7 @@ def after_moving(kind, phase, safe, steps, energy, slope, iterations):
 
 @formula
 def after_solving(kind, safe, products, squared, enough, value, floor):
-    """(next pass, safe, products, squared, enough, alpha, beta) within conjugate gradients."""
+    """Return (next pass, safe, products, squared, enough, alpha, beta) within conjugate gradients."""
     if kind == PRODUCT:
         if value > 0.0:
             return UPDATE, safe, products, squared, enough, squared / value, 0.0
@@ -197,8 +197,8 @@ def outer(x, y, z, hard):
 
 @formula
 def inverse(a, b, c, d, e, f):
-    """(the inverse's xx, xy, xz, yy, yz, zz, True if it is positive) of the symmetric matrix (xx, xy, xz, yy, yz,
-    zz)."""
+    """Return (the inverse's xx, xy, xz, yy, yz, zz, True if it is positive) of the symmetric matrix (xx, xy, xz, yy,
+    yz, zz)."""
     p, q, r = d * f - e * e, e * c - b * f, b * e - d * c
     whole = (a * p + b * q) + c * r
     minor = a * d - b * b

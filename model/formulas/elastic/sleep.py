@@ -1,7 +1,8 @@
-"""Sleeping vertices: they stay in place while they and all their neighbours are slow, and still bear loads.
+"""Sleeping vertices: they keep their positions while they and all their neighbours are slow, and still transmit
+loads.
 
-A vertex is slow if its speed is below a limit and its velocity changed in the last substep by less than SHARE of what
-gravity would add. So a body that begins to fall, or turns at the top of its flight, does not sleep, and a sleeping one
+A vertex is slow if its speed is below a limit and its velocity changed in the last substep by less than SHARE of the
+change by gravity. So a body that begins to fall, or turns at the top of its flight, does not sleep, and a sleeping one
 wakes when its support is gone. The net force on a sleeping vertex is within SHARE of its weight.
 """
 

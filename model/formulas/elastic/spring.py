@@ -46,7 +46,7 @@ def weight(values, corner):
 
 @formula
 def pull(points, values, corner):
-    """(derivative by a corner, diagonal entry of its block, energy)."""
+    """Return (derivative by a corner, diagonal entry of its block, energy)."""
     x, y, z = apart(points, values)
     factor, hard = weight(values, corner), values[7]
     force = hard * factor

@@ -63,7 +63,7 @@ def mixed(m, a, n, b):
 
 @formula
 def stress(material, f, r, mu, lame, alpha):
-    """(W [Pa], P). `r`: the rotation nearest to F; not used by the neo-Hookean material."""
+    """Return (W [Pa], P). `r`: the rotation nearest to F; not used by the neo-Hookean material."""
     cofactors = cofactor(f)
     ratio = determinant(f, cofactors)
     if material == HOOKEAN:
@@ -94,7 +94,7 @@ def raised(a):
 
 @formula
 def pair(m, b, c, third, both, safe):
-    """((flip + twist) / 2, (flip - twist) / 2) of a pair with s_i + s_j = `both`."""
+    """Return ((flip + twist) / 2, (flip - twist) / 2) of a pair with s_i + s_j = `both`."""
     flip = m - b * third
     twist = (m + b * third) - 2.0 * c / max(both, FLATTEST)
     if safe:
@@ -104,7 +104,7 @@ def pair(m, b, c, third, both, safe):
 
 @formula
 def moduli(material, s, mu, lame, alpha, safe):
-    """(A (xx, xy, xz, yy, yz, zz), half sums and half differences of flips and twists of (y, z), (z, x), (x, y))
+    """Return (A (xx, xy, xz, yy, yz, zz), half sums and half differences of flips and twists of (y, z), (z, x), (x, y))
     [Pa]."""
     x, y, z = s
     gx, gy, gz = y * z, z * x, x * y
@@ -131,7 +131,7 @@ def moduli(material, s, mu, lame, alpha, safe):
 
 @formula
 def frame(f, r):
-    """(s, U, V) of F and the rotation nearest to it."""
+    """Return (s, U, V) of F and the rotation nearest to it."""
     a = transposed_product(r, f)
     s, v = axes(a[0], 0.5 * (a[1] + a[3]), 0.5 * (a[2] + a[6]), a[4], 0.5 * (a[5] + a[7]), a[8])
     return s, product(r, v), v
@@ -205,7 +205,7 @@ def transposed_product(a, b):
 
 @formula
 def turn(pp, pq, qq):
-    """(cosine, sine, decrease of pp and increase of qq) of the rotation that makes pq 0: G. Golub, C. Van Loan,
+    """Return (cosine, sine, decrease of pp and increase of qq) of the rotation that makes pq 0: G. Golub, C. Van Loan,
     "Matrix Computations", 8.5.2."""
     if pq == 0.0:
         return 1.0, 0.0, 0.0
@@ -225,7 +225,7 @@ def rotated(c, s, p, q):
 
 @formula
 def axes(xx, xy, xz, yy, yz, zz):
-    """(eigenvalues in no order, V by rows: its columns are the eigenvectors), by Jacobi's method."""
+    """Return (eigenvalues in no order, V by rows: its columns are the eigenvectors), by Jacobi's method."""
     a, b, c, d, e, f, g, h, i = 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0
     for _ in range(SWEEPS_32 if FEATURE.single else SWEEPS_64):
         if (xy == 0.0) & (xz == 0.0) & (yz == 0.0):

@@ -17,7 +17,7 @@ def cells_along(low, high, inverse):
 
 @formula
 def halved(inverse):
-    """1 / length of cells twice as long [1/m]."""
+    """1 / length of cells of twice the length [1/m]."""
     return inverse * 0.5
 
 

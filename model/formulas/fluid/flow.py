@@ -25,7 +25,7 @@ def begun(layers):
 def emitted(point, direction, layers, k, distance):
     """Position of a particle of layer k, one axis.
 
-    `point`: its place in the nozzle; `layers`: how many have passed; `distance`: between layers [m].
+    `point`: its position in the nozzle; `layers`: number of layers emitted since; `distance`: between layers [m].
     """
     return point + direction * ((layers - real(k)) * distance)
 

@@ -24,8 +24,8 @@ away = Open("away(numbers, place, x, y, z, max_distance) -> (distance, nx, ny, n
 
 @formula
 def seen(numbers, place, path, time, p, max_distance):
-    """(distance, nx, ny, nz) of a point p [m] at `time` [s] from a collider; `max_distance` [m] and no normal where the
-    distance exceeds it or has no direction.
+    """Return (distance, nx, ny, nz) of a point p [m] at `time` [s] from a collider; `max_distance` [m] and no normal
+    where the distance exceeds it or has no direction.
 
     `place`: the index in `numbers` at which the collider's begin; `path` as in frame.py.
     """

@@ -60,7 +60,7 @@ def within(a, b, part, half):
 
 @formula
 def box_face(ax, ay, az, bx, by, bz, hx, hy, hz):
-    """(depth, nx, ny, nz) of a path from a to b that enters by the face of normal n and ends at that depth [m]
+    """Return (depth, nx, ny, nz) of a path from a to b that enters by the face of normal n and ends at that depth [m]
     behind it.
 
     a, b: from the centre; `h`: half the edges. n is 0 where the path does not enter, or ends inside and nearest to

@@ -52,8 +52,8 @@ def gathered(couple, weight, total):
 
 @formula
 def spin(w, couple, moments, inverse_mass, position):
-    """(centre [m], turn [rad]), 3 numbers each, from the sums (mass times position, couple, second moments) and the
-    first particle's position."""
+    """Return (centre [m], turn [rad]), 3 numbers each, from the sums (mass times position, couple, second moments) and
+    the first particle's position."""
     wx, wy, wz = w
     xx, yy, zz, xy, xz, yz = moments
     k = inverse_mass

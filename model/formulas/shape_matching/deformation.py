@@ -55,7 +55,7 @@ def symmetric(g):
 
 @formula
 def bent(a, p):
-    """Moments with Sp rest in place of rest: A Sp'."""
+    """Moments with the plastic rest shape Sp rest instead of rest: A Sp'."""
     pxx, pxy, pxz, pyx, pyy, pyz, pzx, pzy, pzz = p
     return product(a, (pxx, pyx, pzx, pxy, pyy, pzy, pxz, pyz, pzz))
 
@@ -135,7 +135,7 @@ def away(more, factor, other):
 
 @formula
 def with_unit_volume(xx, xy, xz, yx, yy, yz, zx, zy, zz, limit):
-    """(I + D over the cube root of its volume, 9 numbers; True if that exists), with D shortened to the length
+    """Return (I + D over the cube root of its volume, 9 numbers; True if that exists), with D shortened to the length
     `limit`."""
     length = sqrt(
         (dot(xx, yy, zz, xx, yy, zz) + dot(xy, xz, yz, xy, xz, yz)) + dot(yx, zx, zy, yx, zx, zy)

@@ -51,7 +51,7 @@ def added_row(sums, line, middle_x, middle_y, here_x, here_y, mass, weight, offs
 
 @formula
 def cluster(sums, here_x, here_y, inverse_row, inverse_column):
-    """(centre [m], cosine, sine) of a cluster from its sums.
+    """Return (centre [m], cosine, sine) of a cluster from its sums.
 
     Its rotation is the one nearest to sum m (x - centre) rest'. Rest offsets are relative to the rest centre, so
     that the centre drops out. Rows count against y. The inverse of its mass is the product of a row's and a
@@ -66,8 +66,8 @@ def cluster(sums, here_x, here_y, inverse_row, inverse_column):
 def rest_offset(step, centre, rest):
     """Rest position of a mass relative to a cluster's centre along one axis [m].
 
-    The mass is `step` spacings of `rest` [m] from the window's middle, whose centre lies `centre` spacings from
-    that.
+    The mass is `step` spacings of `rest` [m] from the middle of the window, whose centre of mass is `centre` spacings
+    from that.
     """
     return (step - centre) * rest
 

@@ -32,8 +32,8 @@ OPERATIONS_MOVE = 3 * 2 + 3
 
 @formula
 def lever(step, centre):
-    """Rest position of a mass along an axis [spacings]: `step` places from the window's middle, whose centre lies
-    `centre` spacings from that."""
+    """Rest position of a mass along an axis [spacings]: `step` positions from the middle of the window, whose centre of
+    mass is `centre` spacings from that."""
     return step - centre
 
 
@@ -87,8 +87,8 @@ def added_goal(displacement, total, count, position, reference, lever, column):
 
 @formula
 def ended(displacement, count, reference, position, lever, column):
-    """Sum of displacements of `count` clusters relative to a mass's own position [m], at its own place, `lever` [m]
-    from the reference's along the axis."""
+    """Sum of displacements of `count` clusters relative to a mass's own position [m], at its position, `lever` [m] from
+    the reference along the axis."""
     return (displacement + count * (reference - position)) + lever * column
 
 

@@ -74,8 +74,8 @@ def solved(xx, xy, xz, yy, yz, zz, x, y, z):
 
 @formula
 def motion(w, u, momentum, moments, inverse_mass, position, velocity):
-    """(centre [m], velocity [m/s], spin [rad/s]), 3 numbers each, from the sums (mass times position and velocity,
-    angular momentum, second moments) and the first particle's position and velocity."""
+    """Return (centre [m], velocity [m/s], spin [rad/s]), 3 numbers each, from the sums (mass times position and
+    velocity, angular momentum, second moments) and the first particle's position and velocity."""
     wx, wy, wz = w
     ux, uy, uz = u
     lx, ly, lz = momentum

@@ -16,7 +16,7 @@ OPERATIONS_REBOUND = 24  # of an entry
 
 @formula
 def weighed(total, mass, x, y, z):
-    """Sum of mass times squared velocity plus that of a particle."""
+    """Sum of mass times squared velocity, with that of a particle added."""
     return total + mass * squared_length_3d(x, y, z)
 
 
@@ -85,5 +85,5 @@ def joined(velocity, change):
 
 @formula
 def rebounded(velocity, received, whole):
-    """Velocity with that of the whole body in place of that which the particle received by itself, one axis."""
+    """Velocity with the rebound of the whole body instead of the rebound of the particle alone, one axis."""
     return velocity + (whole - received)

@@ -23,8 +23,8 @@ def dot(a: ArrayLike, b: ArrayLike) -> Any:
 
 
 def norm(vectors: ArrayLike) -> Any:
-    """Return (...,): the length of vectors along the last axis: the root of `dot`; neither over- nor underflow is
-    mended."""
+    """Return (...,): the length of vectors along the last axis: the root of `dot`; overflow and underflow are not
+    avoided."""
     return np.sqrt(dot(vectors, vectors))
 
 
@@ -98,7 +98,7 @@ def eigenvalues(symmetric: np.ndarray) -> np.ndarray:
 
 
 def _rotate(m: np.ndarray, p: int, q: int) -> None:
-    """Turn symmetric matrices `m` (..., d, d) in their plane of p and q so that the entry there becomes 0."""
+    """Rotate symmetric matrices `m` (..., d, d) in the plane of axes p and q so that the entry (p, q) becomes 0."""
     off = m[..., p, q].copy()
     turns = off != 0
     with np.errstate(over="ignore", divide="ignore", invalid="ignore"):

@@ -1,4 +1,4 @@
-"""The content of a mesh file before anything is mended: vertices, polygons, and the lines where they stand."""
+"""The unrepaired content of a mesh file: vertices, polygons, and their line numbers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""glTF 2.0 through trimesh: binary (.glb), and text (.gltf) with its buffers beside it or inside. All nodes in place."""
+"""glTF 2.0 by trimesh: binary (.glb), and text (.gltf) with external or embedded buffers. All nodes are transformed to
+their positions."""
 
 from __future__ import annotations
 

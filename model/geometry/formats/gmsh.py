@@ -37,7 +37,7 @@ def read_gmsh(data: bytes) -> Elements:
         raise InputError(f"its numbers have {size} bytes, not 8; export it again")
     one = data[head.end() : head.end() + 4]
     if one not in (b"\1\0\0\0", b"\0\0\0\1"):
-        raise InputError("it says that it is binary, and it is not, or it is damaged; export it again")
+        raise InputError("it is declared as binary, but is not, or is damaged; export it again")
     reader = _Binary(data, "<" if one[0] else ">")
     return _blocks(reader) if version == "4.1" else reader.lines()
 
@@ -88,7 +88,7 @@ def _blocks(source: _Text | _Binary) -> Elements:
 
 
 class _Text(Words):
-    """The words of a text: whole numbers of every size are written alike."""
+    """The words of a text; integers of every size are written alike."""
 
     def section(self, name: str) -> None:
         """Go behind the line `name`. Raises InputError."""
@@ -133,7 +133,7 @@ def _element_lines(text: str) -> list[tuple[int, np.ndarray]]:
 
 
 class _Binary:
-    """A binary file and a place in it; `order`: < or >, of its bytes."""
+    """A binary file and a position in it; `order`: < or >, its byte order."""
 
     def __init__(self, data: bytes, order: str):
         self.data, self.order, self.at = data, order, 0

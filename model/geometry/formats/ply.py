@@ -207,7 +207,7 @@ def _row_like_the_first(element: Element, body: bytes, at: int, order: str) -> n
 
 
 def _gathered(parts: list[_Lists]) -> tuple[np.ndarray, np.ndarray]:
-    """Return (corners, sizes) of faces and of strips, whose triangles -1 separates."""
+    """Return (corners, sizes) of faces and of strips, which -1 separates."""
     corners, sizes = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
     for name, flat, lengths in parts:
         if name == "tristrips":
@@ -226,7 +226,7 @@ def _gathered(parts: list[_Lists]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _strip(strip: np.ndarray) -> list[np.ndarray]:
-    """Return the triangles of strips of vertices: every second one the other way round."""
+    """Return the triangles of strips of vertices; every second one is reversed."""
     triangles = []
     for run in np.split(strip, np.flatnonzero(strip < 0)):
         run = run[run >= 0]

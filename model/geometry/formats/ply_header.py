@@ -1,4 +1,4 @@
-"""The header of a PLY file: its elements, each so many rows of properties."""
+"""The header of a PLY file: its elements with their numbers of rows and their properties."""
 
 from __future__ import annotations
 
@@ -76,7 +76,8 @@ def coordinates(element: Element) -> list[int]:
 
 
 def list_of(element: Element) -> int:
-    """Return the place of the list of vertices among the properties of faces, -1 if there is none. Raises InputError."""
+    """Return the index of the list of vertices among the properties of faces, -1 if there is none. Raises
+    InputError."""
     place = next((k for k, one in enumerate(element.properties) if one.count and one.name in LISTS), None)
     if place is None:
         place = next((k for k, one in enumerate(element.properties) if one.count), None)

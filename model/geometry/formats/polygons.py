@@ -81,7 +81,7 @@ def _projected(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def on_a_line(points: np.ndarray) -> np.ndarray:
-    """Return (n,) bool: the polygons (n, k, 3) whose corners lie on one line, or at one point."""
+    """Return (n,) bool: True for polygons (n, k, 3) whose corners lie on one line, or at one point."""
     local = points - points[:, :1]
     far = np.take_along_axis(local, norm(local).argmax(axis=1)[:, None, None], axis=1)
     length = norm(far)[:, 0]
@@ -106,8 +106,8 @@ def _squares(vectors: np.ndarray) -> np.ndarray:
 
 
 def _covers(flat: np.ndarray, fan: np.ndarray) -> np.ndarray:
-    """Return (n,) bool: whether a fan covers each polygon (n, k, 2) once: its triangles have areas and all turn left, and
-    their angles at its corner add up to less than a whole turn."""
+    """Return (n,) bool: True if a fan covers the polygon (n, k, 2) once: its triangles have areas and all turn left,
+    and their angles at the fan's corner add up to less than 360 degrees."""
     a, b, c = (flat[:, fan[:, k]] for k in range(3))
     left = np.asarray((_shape(a, b, c) > FLAT).all(axis=1))
     apex, first, last = flat[:, fan[0, 0]], flat[:, fan[0, 1]], flat[:, fan[-1, 2]]

@@ -55,7 +55,7 @@ def check_encoding(path: Path, data: bytes) -> None:
 
 
 def _wide(sample: bytes) -> str | None:
-    """Return the encoding of text without a mark whose characters take 2 or 4 bytes, else None."""
+    """Return the encoding of text without a byte-order mark whose characters take 2 or 4 bytes, else None."""
     for width, name in ((4, "UTF-32"), (2, "UTF-16")):
         whole = sample[: len(sample) // width * width]
         columns = [whole[k::width] for k in range(width)]
@@ -71,7 +71,7 @@ def plain(data: bytes) -> bytes:
 
 
 def without_comments(text: bytes) -> bytes:
-    """Return text without what follows a # in each line; the number of lines stays."""
+    """Return text without comments, from a # to the end of the line; the number of lines stays."""
     return re.sub(rb"#[^\n]*", b"", text) if b"#" in text else text
 
 
@@ -103,8 +103,8 @@ def word(token: bytes | str) -> str:
 
 
 def table(lines: Sequence[bytes], columns: int) -> np.ndarray | None:
-    """Return the numbers of lines that all hold equally many, `columns` or more: (lines, numbers) float64. None for lines of
-    another kind, which the caller reads one by one, and of which it says what is wrong."""
+    """Return the numbers of lines with equally many numbers, `columns` or more: (lines, numbers) float64. None for
+    other lines, which the caller reads one by one, with error messages."""
     blocks: list[np.ndarray] = []
     begins = range(0, len(lines), LINES)
     try:
@@ -147,7 +147,7 @@ def wholes(tokens: Iterable[bytes | str], count: int) -> np.ndarray:
 
 
 class NotANumber(Exception):
-    """A token of a file is not the number it should be. `number`: which token, from 0; `message`: what is wrong."""
+    """A token of a file is not the number it should be. `number`: index of the token; `message`: the error."""
 
     def __init__(self, number: int, message: str):
         self.number, self.message = number, message

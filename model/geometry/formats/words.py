@@ -1,4 +1,4 @@
-"""The words of a text, taken in order."""
+"""The words of a text, read in order."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from softlab.model.geometry.formats.source import NotANumber, reals, wholes
 
 
 class Words:
-    """The words of a text and a place among them."""
+    """The words of a text and a position among them."""
 
     def __init__(self, text: str) -> None:
         self.words, self.at = text.split(), 0

@@ -12,8 +12,8 @@ LONGEST = 500  # edges of a rim that is cut as a polygon, in O(n^2)
 
 
 def rims(triangles: np.ndarray, bare: np.ndarray) -> list[np.ndarray]:
-    """Return the rims of `triangles` (n, 3), whose sides `bare` (n, 3) bool have nothing beside them: loops of vertices that
-    pass those sides the other way round, each from its lowest vertex and through no vertex twice."""
+    """Return the rims of `triangles` (n, 3), whose sides `bare` (n, 3) bool have no neighbour: loops of vertices along
+    those sides in reverse, each from its lowest vertex and through no vertex twice."""
     end, start = triangles[bare].tolist(), triangles[:, [1, 2, 0]][bare].tolist()
     following: dict[int, list[int]] = {}
     for one, two in sorted(zip(start, end, strict=True), reverse=True):
@@ -40,18 +40,17 @@ def rims(triangles: np.ndarray, bare: np.ndarray) -> list[np.ndarray]:
 
 
 def width(position: np.ndarray, loop: np.ndarray) -> float:
-    """Return the diagonal of the box around a rim [m]; 0 of a slit, whose vertices lie on a line: a triangle without an area
-    stood there, as CAD programs write them where a vertex lies on a longer edge."""
+    """Return the diagonal of the box around a rim [m]; 0 for a slit, whose vertices lie on a line. It comes from a
+    triangle without area, which CAD programs write where a vertex lies on a longer edge."""
     if on_a_line(position[loop][None])[0]:
         return 0.0
     return float(norm(np.ptp(position[loop], axis=0)))
 
 
 def caps(position: np.ndarray, triangles: np.ndarray, loops: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """Return (position with what was added, triangles that close the rims `loops`).
-
-    A rim is a polygon and is cut as one (model/geometry/formats/polygons.py); one that crosses itself in its best-fit plane,
-    or whose diagonal is an edge already, or of more than LONGEST edges, gets a vertex at its middle.
+    """Return (positions with added vertices, triangles that close the rims `loops`). A rim is triangulated as a polygon
+    (model/geometry/formats/polygons.py). A rim that crosses itself in its best-fit plane, whose diagonal is an edge
+    already, or with more than LONGEST edges, gets a vertex at its middle.
     """
     short = [loop for loop in loops if len(loop) <= LONGEST]
     sizes = np.array([len(loop) for loop in short], dtype=np.int64)

@@ -27,7 +27,7 @@ TOGETHER = 16  # probes between two reports
 def bounding(
     position: np.ndarray, triangles: np.ndarray, notes: list[str]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the sheets of `triangles` (n, 3) that bound a volume; append what happened to the others to `notes`.
+    """Return the sheets of `triangles` (n, 3) that bound a volume; add notes on the others to `notes`.
 
     Returns
     -------
@@ -55,10 +55,9 @@ def bounding(
 
 
 def _bounds(position: np.ndarray, triangles: np.ndarray, sheet: np.ndarray) -> np.ndarray:
-    """Return (triangles,) bool: whether the sheet of each bounds a volume.
-
-    On a triangle itself, which has no part in it there, the winding number of the others is the mean of both sides': 1/2 of a
-    surface with an inside, a whole number of a wall or a fin; near to 1/2 (plus a whole number) where holes are small.
+    """Return (triangles,) bool: True if the triangle's sheet bounds a volume. On a triangle, the winding number of the
+    other triangles is the mean of both sides: 1/2 for a surface with an inside, an integer for a wall or a fin; near
+    1/2 (plus an integer) if holes are small.
     """
     order = np.argsort(sheet, kind="stable")
     numbers, first, count = np.unique(sheet[order], return_index=True, return_counts=True)
@@ -82,7 +81,8 @@ def _bounds(position: np.ndarray, triangles: np.ndarray, sheet: np.ndarray) -> n
 
 
 def _hangs(position: np.ndarray, triangles: np.ndarray, number: np.ndarray) -> np.ndarray:
-    """Return (sheets,) bool: whether nothing lies beside more than half of a sheet's outline; `number` (triangles,): its."""
+    """Return (sheets,) bool: True if more than half of a sheet's outline has no neighbour; `number` (triangles,): the
+    sheet of each."""
     start, end = triangles.ravel(), triangles[:, [1, 2, 0]].ravel()
     _, side, uses = np.unique(
         np.minimum(start, end) * len(position) + np.maximum(start, end), return_inverse=True, return_counts=True
@@ -165,8 +165,8 @@ def _around(position: np.ndarray, triangles: np.ndarray, sides: np.ndarray) -> n
 def _passed_once(position: np.ndarray, triangles: np.ndarray, pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return (position, triangles) with a vertex at the middle of edges that a surface passes more than once.
 
-    Where the triangles around both ends hang together, an edge keeps four triangles though `pairs` (n, 2) of sides say which
-    two are neighbours: each pair but the first, and each side without one, gets a separate vertex there.
+    If the triangles around both ends are connected, an edge keeps four triangles although `pairs` (n, 2) of sides
+    define which are neighbours: each pair except the first, and each unpaired side, gets a separate vertex there.
     """
     start, end = triangles.ravel(), triangles[:, [1, 2, 0]].ravel()
     key = np.minimum(start, end) * len(position) + np.maximum(start, end)

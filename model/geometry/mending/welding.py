@@ -1,4 +1,5 @@
-"""Vertices that are one, triangles that are none or there twice, and sides that agree: what makes triangles a surface."""
+"""Repairs of triangles into a surface: merges vertices at one position, removes degenerate and duplicate triangles,
+makes orientations consistent."""
 
 from __future__ import annotations
 
@@ -18,13 +19,13 @@ def many(count: int, one: str, several: str = "") -> str:
 
 
 def add_note(notes: list[str], count: int, one: str, several: str) -> None:
-    """Append a sentence on `count` things to `notes`, unless there are none."""
+    """Append a sentence on `count` items to `notes`, unless the count is 0."""
     if count:
         notes.append(many(count, one, several))
 
 
 def welded(position: np.ndarray, triangles: np.ndarray, notes: list[str]) -> tuple[np.ndarray, np.ndarray]:
-    """Merge vertices, and leave out triangles without an area and copies; append what was done to `notes`.
+    """Merge vertices, and leave out triangles without an area and copies; append the repairs to `notes`.
 
     Vertices at exactly one place are merged; where that gives edges of more than two triangles, only those on rims, so that a
     piece which is closed as it is numbered stays as it is. Then vertices on rims that are nearer than NEAR to each other are
@@ -74,7 +75,8 @@ def _cleaned(position: np.ndarray, triangles: np.ndarray, notes: list[str]) -> n
 
 
 def _merged_on_rims(position: np.ndarray, triangles: np.ndarray, place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return (vertices,): `place` of vertices on rims of the mesh as it is numbered, the others themselves; the triangles."""
+    """Return (vertices,): `place` for vertices on rims of the mesh in its numbering, the vertex itself for others; and
+    the triangles."""
     cleaned = _cleaned(position, triangles, [])
     ends, uses = edge_uses(len(position), cleaned)
     rim = np.zeros(len(position), dtype=bool)

@@ -1,1 +1,1 @@
-"""Surfaces that shapes are made of: a cup, and what surface nets lay around what is inside."""
+"""Surfaces that shapes are made of: a cup, and surface nets around lattice points."""

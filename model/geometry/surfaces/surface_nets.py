@@ -1,4 +1,4 @@
-"""A closed surface round what a function of space says is inside.
+"""A closed surface around the inside that a function of space defines.
 
 One vertex in each cell of a lattice that the surface passes, one quadrilateral for each edge of the lattice that it crosses:
 S. F. F. Gibson, "Constrained Elastic Surface Nets", MICCAI 1998. Where two parts touch by an edge or a corner of the lattice
@@ -59,8 +59,9 @@ def surface(field: Field, low: np.ndarray, high: np.ndarray, cell: float) -> tup
 
 
 def _compose(value: np.ndarray, depth: float) -> None:
-    """Put points of the lattice inside, `depth` [m] under the surface, until no two inside ones of a square or a cube meet
-    by its diagonal alone, nor two outside ones: of the outside ones, in turn, the nearest to the surface."""
+    """Move lattice points inside, to `depth` [m] under the surface, until no two inside points of a square or a cube,
+    nor two outside points, are connected by a diagonal only. Each time, the outside point nearest to the surface is
+    moved."""
     while True:
         inside, wrong = value < 0, np.zeros(value.shape, dtype=bool)
         for axis in range(3):
@@ -118,7 +119,7 @@ def _split(position: np.ndarray, quads: np.ndarray) -> np.ndarray:
 
 
 def _onto(field: Field, start: np.ndarray, corner: np.ndarray, cell: float) -> np.ndarray:
-    """Places (n, 3) on the surface, each in its cell, whose lowest corner is given, or as near as that allows."""
+    """Return positions (n, 3) on the surface, or as near as possible, each in the cell with the given lowest corner."""
     position, step = start.copy(), STEP * cell
     for _ in range(NEWTON):
         value = field(position)

@@ -1,9 +1,9 @@
-"""Tetrahedra that follow a surface, of any heap of triangles: by wildmeshing (extra `tets`), in a process of its own.
+"""Tetrahedra that follow a surface, from any set of triangles, by wildmeshing (extra `tets`) in a separate process.
 
-Y. Hu, T. Schneider, B. Wang, D. Zorin, D. Panozzo, "Fast Tetrahedral Meshing in the Wild", ACM Transactions on Graphics 39
-(2020): holes are closed, what crosses itself is resolved, and the surface is kept to TOLERANCE of the diagonal of the box
-around it. The library prints to the terminal and can end its process; so it has one. It takes the triangles in an order
-of its own, another one each time: two calls make two meshes. What is to be the same twice has to be kept (`softlab cook`).
+Y. Hu, T. Schneider, B. Wang, D. Zorin, D. Panozzo, "Fast Tetrahedral Meshing in the Wild", ACM Transactions on Graphics
+39 (2020): holes are closed, self-intersections are resolved, and the surface is preserved to TOLERANCE of the diagonal
+of the box around it. The process is separate because the library prints to the terminal and can end its process. It
+processes the triangles in a random order, so two calls give two meshes; use `softlab cook` to store one.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Files of tetrahedra: Gmsh .msh (2.2 and 4.1), Medit .mesh, legacy .vtk (text), .node with .ele beside it, and .npz.
 
-Of the elements of a file only tetrahedra are taken (of those of second order their corners). What a file promises is counted,
-and one that holds less is refused. Formats: model/geometry/formats for .msh and .mesh; the VTK user's guide, "VTK File
-Formats"; the .node and .ele files of Triangle and TetGen, as their manuals describe them.
+Of the elements of a file only tetrahedra are taken (of those of second order their corners). Counts in a file are
+checked, and a file with fewer entries is refused. Formats: model/geometry/formats for .msh and .mesh; the VTK user's
+guide, "VTK File Formats"; the .node and .ele files of Triangle and TetGen, as their manuals describe them.
 """
 
 from __future__ import annotations
@@ -65,8 +65,8 @@ def write_arrays(path: Path, arrays: dict[str, np.ndarray]) -> None:
 
 
 def holds_tetrahedra(path: str | Path) -> bool:
-    """Return whether a file is one of tetrahedra: by its name; .msh and .mesh, which may hold a surface, by their content.
-    Raises InputError."""
+    """Return True if a file contains tetrahedra: by its name or, for .msh and .mesh, which may contain a surface, by
+    its content. Raises InputError."""
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix not in (".msh", ".mesh"):
@@ -156,7 +156,7 @@ def _read_ele(node: bytes, ele: bytes) -> Elements:
 
 
 def _numbered(words: Words, count: int, width: int, more: int = 0) -> tuple[np.ndarray, np.ndarray]:
-    """Rows of a number, `width` coordinates and `more` that are not asked for."""
+    """Rows of a number, `width` coordinates and `more` numbers that are ignored."""
     rows = words.real(count * (1 + width + more), "vertices").reshape(count, 1 + width + more)
     return rows[:, 0].astype(np.int64), rows[:, 1 : 1 + width]
 

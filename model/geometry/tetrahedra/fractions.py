@@ -1,9 +1,9 @@
 """Volume fractions: the part of each voxel's tetrahedra that lies within the surface.
 
 The integrals of the four linear shape functions of a tetrahedron over the part of it that is inside. Their sum is the
-volume that scales its stiffness (the energy of a constant strain, integrated over what is there: the finite cell method, J.
-Parvizian, A. Duester, E. Rank, Computational Mechanics 41 (2007)); times the density they are its lumped masses, whose sum
-and centre of mass are those of the part inside.
+volume that scales its stiffness (the energy of a constant strain, integrated over the part inside: the finite cell
+method, J. Parvizian, A. Duester, E. Rank, Computational Mechanics 41 (2007)); times the density they are its lumped
+masses, whose sum and centre of mass are those of the part inside.
 
 Sampled along the PROBES x PROBES lines of each axis that find the pieces (pieces.py), in closed form along a line, over the
 same sum for the whole tetrahedron: exact where nothing is cut. Of the three axes those count that the surface crosses most.
@@ -62,13 +62,14 @@ def _sampled(pieces: Pieces, parity: np.ndarray, shape_functions: np.ndarray) ->
 
 
 def mean_of_four(fractions: np.ndarray) -> np.ndarray:
-    """Return (...,): the mean of `fractions` (..., 4), 1 of four ones."""
+    """Return (...,): the mean of `fractions` (..., 4), exactly 1 for four ones."""
     mean: np.ndarray = dot(fractions, np.full(4, 0.25))
     return mean
 
 
 def _with_floor(fractions: np.ndarray) -> np.ndarray:
-    """`fractions` (..., 4) of which no tetrahedron's mean is below MIN_FRACTION, and none below MIN_CORNER of that mean."""
+    """Return `fractions` (..., 4), raised so that no tetrahedron's mean is below MIN_FRACTION, and no entry below
+    MIN_CORNER of that mean."""
     inside = np.maximum(mean_of_four(fractions)[..., None], MIN_FRACTION)
     raised = np.maximum(fractions, MIN_CORNER * inside)
     floored: np.ndarray = raised * (inside / mean_of_four(raised)[..., None])
@@ -87,7 +88,7 @@ def _scaled_to(fractions: np.ndarray, cut: np.ndarray, whole: np.ndarray, target
 
 
 def _complete(axis: int, shape_functions: np.ndarray) -> np.ndarray:
-    """Return (2, tetrahedra, 4): what the lines along `axis` make of whole tetrahedra."""
+    """Return (2, tetrahedra, 4): the values that the lines along `axis` give for whole tetrahedra."""
     place = (np.stack(np.divmod(np.arange(PROBES**2), PROBES), axis=1) + 0.5) / PROBES
     line = np.tile(place, (2, 1))
     piece = np.repeat([0, 1], PROBES**2)

@@ -1,4 +1,4 @@
-"""The voxels there are, and where two triangles of a surface meet in them or on the sides between them."""
+"""The occupied voxels, and where two triangles of a surface meet in them or on the sides between them."""
 
 from __future__ import annotations
 
@@ -64,9 +64,9 @@ def across_edges(place: np.ndarray, edges: MeshEdges, cells: Cells, pairs: Pairs
 def over_edges(
     place: np.ndarray, triangles: np.ndarray, edges: MeshEdges, cells: Cells, pairs: Pairs, axis: int
 ) -> np.ndarray:
-    """Return (n, 2): what hangs together across a side between voxels one behind the other along `axis`, by an edge on
-    that side: the pairs of the edge's two triangles; or, where one of these lies on the side and has the voxel behind
-    on its inner side, the other's pair and pairs + that voxel. The lower voxel's first."""
+    """Return (n, 2): the connections across a side between consecutive voxels along `axis`, by an edge on that side:
+    the pairs of the edge's two triangles; or, where one of these lies on the side and has the voxel behind on its inner
+    side, the other's pair and pairs + that voxel. The lower voxel's first."""
     triangle, voxel = pairs
     count = len(triangle)
     side = edges.sides[triangle].astype(np.int64).ravel()
@@ -110,7 +110,7 @@ def _passes(place: np.ndarray, ends: np.ndarray, low: np.ndarray, axes: tuple[in
 
 
 def positions(keys: np.ndarray, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return (where each of `wanted` stands in `keys`, which ascend; bool: whether it does)."""
+    """Return (index of each of `wanted` in `keys`, which ascend; bool: True if it is there)."""
     if not len(keys):
         return np.zeros(len(wanted), dtype=np.int64), np.zeros(len(wanted), dtype=bool)
     place = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)

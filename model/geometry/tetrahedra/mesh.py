@@ -1,4 +1,4 @@
-"""Tetrahedra that share vertices: their volumes, shapes, masses and surface, and what is refused."""
+"""Tetrahedra with common vertices: volumes, quality, masses and surface, and checks."""
 
 from __future__ import annotations
 
@@ -41,13 +41,14 @@ class TetrahedralMesh:
 
     @cached_property
     def volumes(self) -> np.ndarray:
-        """(n,) float64 [m^3]."""
+        """Return the volumes, (n,) float64 [m^3]."""
         return signed_volumes(self.position, self.tetrahedra)
 
     @property  # not cached: cube roots differ between processors, and what a simulation holds must not
     def quality(self) -> np.ndarray:
-        """(n,) float64 in (0, 1]: the mean ratio 12 (3 V)^(2/3) / (sum of the squared edges), 1 of a regular tetrahedron,
-        near 0 of a flat one (A. Liu, B. Joe, "Relationship between tetrahedron shape measures", BIT 34 (1994), eta)."""
+        """Return (n,) float64 in (0, 1]: the mean ratio 12 (3 V)^(2/3) / (sum of the squared edges), 1 of a regular
+        tetrahedron, near 0 of a flat one (A. Liu, B. Joe, "Relationship between tetrahedron shape measures", BIT 34
+        (1994), eta)."""
         squares = np.square(
             self.position[self.tetrahedra[:, SIDES[:, 1]]] - self.position[self.tetrahedra[:, SIDES[:, 0]]]
         )
@@ -55,14 +56,14 @@ class TetrahedralMesh:
 
     @cached_property
     def surface(self) -> np.ndarray:
-        """(m, 3) int32: the faces that belong to one tetrahedron only, outer side outwards."""
+        """Return (m, 3) int32: the faces that belong to one tetrahedron only, outer side outwards."""
         faces = self.tetrahedra[:, FACES].reshape(-1, 3)
         number, count = self._numbered(faces)
         return np.ascontiguousarray(faces[count[number] == 1])
 
     @cached_property
     def face_counts(self) -> np.ndarray:
-        """(faces,) int64: to how many tetrahedra each face belongs; 1 or 2 in a mesh that conforms."""
+        """Return (faces,) int64: to how many tetrahedra each face belongs; 1 or 2 in a mesh that conforms."""
         return self._numbered(self.tetrahedra[:, FACES].reshape(-1, 3))[1]
 
     def pieces(self) -> int:
@@ -110,7 +111,7 @@ def rest_inverse(position: np.ndarray, tetrahedra: np.ndarray) -> np.ndarray:
 
 
 def check_density(density: float) -> None:
-    """Raise SceneError for what is no density [kg/m^3]."""
+    """Raise SceneError for an invalid density [kg/m^3]."""
     if not (isfinite(density) and density > 0):
         raise SceneError("density", density, "must be a finite number greater than 0 [kg/m^3]")
 

@@ -1,7 +1,7 @@
 """Which triangles pass through which voxels of a lattice, by separating axes, from coarse cells to fine ones.
 
-Voxels are open: what only touches a side of one is not in it. So a box whose sides lie on the lattice marks none of the
-voxels around it.
+Voxels are open: a triangle that only touches a side of a voxel is not in it. So a box whose sides lie on the lattice
+marks none of the voxels around it.
 """
 
 from __future__ import annotations

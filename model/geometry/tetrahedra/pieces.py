@@ -1,12 +1,13 @@
-"""The pieces of a body within each voxel of a lattice, and which of them hang together across the voxels' sides.
+"""The pieces of a body within each voxel of a lattice, and their connections across the voxels' sides.
 
-What joins, within a voxel: triangles that share an edge which passes through it; the two ends of a stretch of the inside
-along a line of probes parallel to an axis; and such stretches that share a probe. Across a side: a triangle that passes
-through it; two that meet at an edge on it; a stretch of the inside that passes through it. All of these are facts about the
-body, so that pieces which do not touch are never joined, however near. Of lines there are PROBES x PROBES a voxel and axis;
-what none of them meets is joined with what it sees (sight.py). A piece whose surface falls into parts that neither finds is
-taken for several, each of which still hangs together with its neighbours across the sides. Bodies that overlap each other by
-less than a voxel / PROBES may stay apart.
+Within a voxel, pieces are connected by triangles with a common edge that passes through it; by the two ends of an
+inside segment along a line of probes parallel to an axis; and by such segments with a common probe. Across a side, they
+are connected by a triangle that passes through it; by two triangles that meet at an edge on it; and by an inside
+segment that passes through it. All of these are facts about the body, so that pieces that do not touch are never
+connected, however near. There are PROBES x PROBES lines per voxel and axis; a piece that none of them hits is connected
+with what it sees (sight.py). A piece whose surface consists of parts that neither finds counts as several, each of
+which is still connected with its neighbours across the sides. Bodies that overlap each other by less than a voxel /
+PROBES may stay apart.
 """
 
 from __future__ import annotations

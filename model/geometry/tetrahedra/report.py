@@ -122,10 +122,9 @@ def report_of(
     fractions: np.ndarray | None = None,
     surface: tuple[np.ndarray, np.ndarray] | None = None,
 ) -> Report:
-    """Return the report of `mesh`, whose surface of `hull_volume` [m^3] is carried by `embedding`; `voxels`: how many,
-    their edge or edges (3) [m], how many are doubled; `fractions` (tetrahedra, 4): of what each holds (fractions.py),
-    all unless given; `surface`: (position, triangles), that of the tetrahedra unless given. Raises SceneError
-    (density)."""
+    """Return the report of `mesh`, in which a surface of `hull_volume` [m^3] has the `embedding`. `voxels`: number,
+    edge or edges (3) [m], number of doubled ones; `fractions` (tetrahedra, 4): fractions inside (fractions.py), by
+    default 1; `surface`: (position, triangles), by default that of the tetrahedra. Raises SceneError (density)."""
     check_density(density)
     quality = mesh.quality
     worst = int(np.argmin(np.round(quality, 9)))  # the first of those that differ by roundings alone

@@ -1,4 +1,5 @@
-"""Parts of a surface in a voxel that no line of probes meets, joined with what they see through the inside of the body.
+"""Parts of a surface in a voxel that no line of probes hits, connected with the parts that they see through the inside
+of the body.
 
 A straight way from one point of the inside to another, within a voxel, that no triangle of that voxel crosses: so the two
 belong to one piece.
@@ -95,7 +96,7 @@ def _crossed(start: np.ndarray, offset: np.ndarray, corners: np.ndarray) -> np.n
 
 def _middle(corners: np.ndarray, low: np.ndarray) -> np.ndarray:
     """Return (3,): a point of the triangle `corners` (3, 3) within the voxel at `low` (3,): the mean of the corners of
-    what is left of it there (I. E. Sutherland, G. W. Hodgman, "Reentrant Polygon Clipping", CACM 17 (1974))."""
+    its remaining part there (I. E. Sutherland, G. W. Hodgman, "Reentrant Polygon Clipping", CACM 17 (1974))."""
     polygon = [tuple(corner) for corner in corners]
     for axis in range(3):
         for sign, limit in ((1.0, low[axis]), (-1.0, low[axis] + 1)):

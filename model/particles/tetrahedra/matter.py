@@ -33,7 +33,7 @@ class Matter:
 
     @property
     def lame(self) -> tuple[np.ndarray, np.ndarray]:
-        """(mu, lambda) [Pa]."""
+        """Return (mu, lambda) [Pa]."""
         return lame_of(self.young_modulus, self.poisson_ratio)
 
     def some(self, chosen: np.ndarray) -> Matter:

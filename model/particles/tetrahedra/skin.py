@@ -39,14 +39,14 @@ class Skin:
         return points
 
     def beside(self, other: Skin) -> Skin:
-        """Return both skins in one, the other's pieces last."""
+        """Return both skins in one, with the other's pieces last."""
         more = tuple((one + self.count).astype(np.int32) for one in other.triangles)
         corners, weights = np.concatenate([self.corners, other.corners]), np.concatenate([self.weights, other.weights])
         return Skin(corners, weights, self.triangles + more)
 
 
 def skin_of(bodies: Sequence[CookedBody], first: np.ndarray) -> Skin:
-    """Return the skin of bodies whose particles begin at `first`."""
+    """Return the skin of bodies whose particles start at index `first`."""
     corners = [
         one.mesh.tetrahedra[one.embedding.tetrahedron] + start for one, start in zip(bodies, first, strict=False)
     ]

@@ -1,4 +1,4 @@
-"""Checks of a scene's parts against each other. Each raises SceneError, with what would be accepted."""
+"""Checks of a scene's parts against each other. Each raises SceneError with the accepted values."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The tables of a scene once some of its pins have let go: without those pins, their motions and attachments."""
+"""The tables of a scene after some of its pins were released: without those pins, their motions and attachments."""
 
 from __future__ import annotations
 
@@ -56,14 +56,14 @@ def _let_go(scene: SceneParts, tables: dict[str, Table], name: str) -> None:
 
 
 def _free_words(table: Table, release: Release) -> bool:
-    """Unpin vertices of the tetrahedral body of this `table`; its other words stay. Returns whether there were any."""
+    """Unpin vertices of the tetrahedral body of this `table`; its other words stay. Returns True if there were any."""
     before = table["pinned"]
     table["pinned"] = [word for word in before if release.pins not in (ALL, word)]
     return len(table["pinned"]) < len(before)
 
 
 def _free_masses(table: Table, part: Grid, release: Release, name: str) -> bool:
-    """Unpin masses of the sheet of this `table`; the others become a list. Returns whether there were any."""
+    """Unpin masses of the sheet of this `table`; the others become a list. Returns True if there were any."""
     before = table["pinned"]
     if release.pins in (ALL, before):
         table["pinned"] = "none"
@@ -94,7 +94,8 @@ def _listed(masses: np.ndarray, columns: int) -> list[list[int]] | str:
 
 
 def _free_attachments(scene: SceneParts, tables: dict[str, Table], release: Release) -> bool:
-    """Remove the attachment that `release.pins` names, or (`all`) those that pin the body. Returns whether there were any."""
+    """Remove the attachment that `release.pins` names, or (`all`) those that pin the body. Returns True if there were
+    any."""
     bodies = list(scene.all_of("mesh", *TETRAHEDRAL_KINDS))
     ended = [
         name
@@ -109,7 +110,7 @@ def _free_attachments(scene: SceneParts, tables: dict[str, Table], release: Rele
 
 
 def _end_motions(scene: SceneParts, tables: dict[str, Table], release: Release) -> None:
-    """Remove the motions of pins that were let go; masses of a sheet that are still pinned keep theirs."""
+    """Remove the motions of released pins; masses of a sheet that are still pinned keep theirs."""
     bodies = scene.all_of("mesh", *TETRAHEDRAL_KINDS) if scene.all_of(*TETRAHEDRAL_KINDS) else {}
     for motion in [one for one in scene.all_of("motion") if one in tables]:
         table = tables[motion]

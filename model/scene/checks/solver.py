@@ -1,4 +1,4 @@
-"""Checks of a scene's parts against its solver. Each raises SceneError, with what would be accepted."""
+"""Checks of a scene's parts against its solver. Each raises SceneError with the accepted values."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def _check_matching(scene: SceneParts) -> None:
     springs, name = scene.springs, scene.name_of("springs") or "springs"
     if springs is None:
         raise SceneError(
-            name, None, "must be there for the solver shape-matching: its clusters are as stiff as they are"
+            name, None, "is needed by the solver shape-matching, whose clusters take their stiffness from it"
         )
     for field, value, allowed, fits in (
         ("compliance", springs.compliance, "greater than 0", not springs.inextensible),
@@ -127,8 +127,8 @@ def _check_self_collision(scene: SceneParts) -> None:
     if part is not None and part.thickness > scene.grid.spacing:
         raise SceneError(
             "self_collision.thickness", part.thickness,
-            f"must be at most cloth.spacing, {scene.grid.spacing:g}: neighbours of the sheet are nearer to each other than "
-            "that, and would be driven apart for ever",
+            f"must be at most cloth.spacing, {scene.grid.spacing:g}: neighbours of the sheet are nearer to each "
+            "other than that, and would be pushed apart forever",
         )  # fmt: skip
 
 

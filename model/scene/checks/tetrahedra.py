@@ -1,5 +1,5 @@
-"""Checks of the parts together with tetrahedral bodies, and of their contacts. Each raises SceneError, with what would
-be accepted."""
+"""Checks of the parts together with tetrahedral bodies, and of their contacts. Each raises SceneError with the accepted
+values."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ OF_TETRAHEDRA = (
     "mesh", "wind", RELEASE, *(kind for kind in CONSTRAINT_KINDS if kind != "shear"), *COLLIDER_KINDS,
 )  # fmt: skip
 UNSTEADY = (*COLLIDER_KINDS, "motion")  # not supported by order 2 in time
-NOT_SMOOTH = "is no smooth force, which the second order of newton in time asks for"
+NOT_SMOOTH = "is not smooth, which newton's second order in time requires"
 MEETING = ("xpbd", "vbd")  # solvers that support contacts of tetrahedral bodies
 
 
@@ -88,7 +88,8 @@ def _check_surfaces(scene: SceneParts) -> None:
         return
     if scene.method.solver not in MEETING:
         reason = (
-            f"tetrahedral bodies meet under {' or '.join(MEETING)}; without a [contact] they pass through each other"
+            f"contacts of tetrahedral bodies are supported by {' or '.join(MEETING)}; without a [contact] they pass "
+            "through each other"
         )
         raise SceneError(f"{name}.kind", "contact", f"is not supported by the solver {scene.method.solver}: {reason}")
     if len(scene.holdable) > MAX_KINDS:

@@ -26,7 +26,7 @@ MIN_ACROSS = 2  # without a point well inside there is no inside
 @dataclass(frozen=True, eq=False)
 class Field:
     """`distance` (points along x, y, z) float64 [m], negative inside, at low + (i, j, k) `spacing` [m]; the mesh lies
-    `margin` [m] inside that box, or farther; `overlaps`: it runs through itself."""
+    at least `margin` [m] inside that box; `overlaps`: it intersects itself."""
 
     distance: np.ndarray
     low: np.ndarray
@@ -46,11 +46,11 @@ class Field:
 
 
 class DistanceField(SurfaceCollider):
-    """A body with an inside: a closed mesh, as its signed distance at the points of a grid, see
+    """A solid body: a closed mesh, stored as its signed distance at the points of a grid, see
     model/formulas/distance_field.py.
 
-    A mass inside, or outside and nearer than `thickness`, is put at that distance; one on its way through is stopped where it
-    enters. What it costs does not hang on the number of triangles, and its edges are as round as the grid is coarse.
+    A mass inside, or nearer than `thickness`, is moved to that distance; one whose path leads through is stopped where
+    it enters. The cost does not depend on the number of triangles; edges are rounded to the grid's spacing.
     """
 
     spacing: Positive | None = None  # m, of the grid; a 64th of the mesh's longest side, or a quarter of its shortest
@@ -76,7 +76,7 @@ class DistanceField(SurfaceCollider):
 
     @cached_property
     def grid(self) -> tuple[np.ndarray, np.ndarray, float, float]:
-        """(least point (3,) [m], points (3,) int64, spacing [m], margin [m]). Raises SceneError, InputError."""
+        """Return (lowest point (3,) [m], points (3,) int64, spacing [m], margin [m]). Raises SceneError, InputError."""
         low, high = self.position.min(axis=0), self.position.max(axis=0)
         size = high - low
         longest, shortest = float(size.max()), float(size.min())
@@ -112,7 +112,7 @@ class DistanceField(SurfaceCollider):
         return Field(distance, low, spacing, margin, overlaps)
 
     def numbers(self, real: Real) -> np.ndarray:
-        """Return the numbers of the field, see model/formulas/distance_field.py."""
+        """Return the samples and constants of the field, flat (model/formulas/distance_field.py)."""
         field = self.field
         header = [*np.array(field.distance.shape) - 1, *field.low, 1 / field.spacing, field.margin]
         return np.concatenate([np.array(header), field.distance.reshape(-1)]).astype(real)
@@ -123,9 +123,13 @@ class DistanceField(SurfaceCollider):
         return HEADER + int(self.grid[1].prod())
 
     def too_many(self) -> tuple[str, object, str]:
-        """Return (field, value, remedy) of too many numbers, see SurfaceCollider."""
+        """Return (field, value, remedy) for the error about too many samples, see SurfaceCollider."""
         _, points, spacing, _ = self.grid
-        return "spacing", spacing, f"{points.prod()} samples are too many beside the others: use {2 * spacing:.3g}"
+        return (
+            "spacing",
+            spacing,
+            f"{points.prod()} samples are too many together with the other fields; use {2 * spacing:.3g}",
+        )
 
     def lines(self) -> list[str]:
         """Return the lines of other surfaces, and the grid with the largest distance of its surface from the mesh's
@@ -135,5 +139,5 @@ class DistanceField(SurfaceCollider):
         lines = [*super().lines(), f"distances at {grid} points, {field.spacing:.4g} m apart: at most {off:.2g} m off at "
                  "the mesh's corners"]  # fmt: skip
         if field.overlaps:
-            lines.append("the mesh runs through itself: inside, what is nearest may be a part of it that lies within")
+            lines.append("the mesh intersects itself, so that distances inside may refer to an inner part")
         return lines

@@ -58,7 +58,7 @@ class MeshCollider(SurfaceCollider):
         return self.numbers(np.float64)
 
     def numbers(self, real: Real) -> np.ndarray:
-        """Return the numbers of the tree, see model/geometry/triangle_tree.py."""
+        """Return the nodes of the tree, flat (model/geometry/triangle_tree.py)."""
         return tree_numbers(self.corners, real)
 
     @property

@@ -19,8 +19,8 @@ from softlab.model.tables.mesh_source import MeshSource
 
 
 class SurfaceCollider(MeshSource, Collider):
-    """A mesh at `origin`, rotated there by `angle` about `axis`, that moves at `velocity` and rotates about its origin
-    at `spin`; it sweeps masses along."""
+    """A mesh at `origin`, rotated there by `angle` about `axis`, that moves at `velocity`, rotates about its origin at
+    `spin`, and carries masses along."""
 
     such_as: ClassVar[str] = "blob"
 
@@ -42,7 +42,7 @@ class SurfaceCollider(MeshSource, Collider):
         raise NotImplementedError
 
     def too_many(self) -> tuple[str, object, str]:
-        """Return (field, its value, what to do) for an arithmetic that cannot count its numbers."""
+        """Return (field, its value, remedy) for a precision that cannot count its numbers."""
         raise NotImplementedError
 
     @cached_property
@@ -63,7 +63,7 @@ class SurfaceCollider(MeshSource, Collider):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Sentences on what was omitted from the file, or repaired. Raises InputError."""
+        """Sentences on omissions and repairs of the file. Raises InputError."""
         return self._mesh[2]
 
     def turn(self) -> np.ndarray:
@@ -75,7 +75,7 @@ class SurfaceCollider(MeshSource, Collider):
         return turn_matrix(np.asarray(self.spin) * time)
 
     def lines(self) -> list[str]:
-        """Return a user's lines on the mesh: its size, and what was omitted. Raises SceneError, InputError."""
+        """Return a user's lines on the mesh: its size and omissions. Raises SceneError, InputError."""
         size = " x ".join(f"{length:.4g}" for length in np.ptp(self.position, axis=0))
         return [f"{len(self.triangles)} triangles, {size} m", *self.notes]
 

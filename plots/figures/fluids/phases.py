@@ -18,7 +18,7 @@ HALF = 0.5  # of the measured arithmetic rate, which sums of products and roots 
 
 
 def on(source: Source, backend: str) -> list[Row]:
-    """Return the pools whose stages were timed, of the scheme whose stages these are, smallest first."""
+    """Return the pools whose stages were timed with the scheme of these stages, smallest first."""
     pools = timed(Fluids().rows)(source, backend)
     return [p for p in pools if p.phases and p.scheme == SCHEMES[0] and p.precision == "float32"]
 

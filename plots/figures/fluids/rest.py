@@ -36,7 +36,7 @@ CAPTION = (
 
 
 def on(source: Source, backend: str) -> list[Still]:
-    """Return what was watched on a backend at the first spacing and viscosity."""
+    """Return the runs on a backend at the first spacing and viscosity."""
     return [
         row
         for row in rows(source.measures)

@@ -102,7 +102,7 @@ def ended(scene: Scene, position: np.ndarray | None = None, steps: int = 10) -> 
         ("lab-curtain", {"springs.compliance": 0.0}, "compliance 0"),
         ("lab-curtain", {"attachments.anchors": 1}, "long-range attachments"),
         ("lab-curtain", {"method.solver": "pbd"}, "its step size and iterations"),
-        ("cloth-self", {}, "meets itself"),
+        ("cloth-self", {}, "contact with itself"),
         ("jelly-grid", {}, "another material"),
     ],
 )

@@ -114,7 +114,7 @@ def test_inverted_ones_are_refused_by_number(tmp_path):
 def test_what_is_refused(tmp_path):
     texts = {
         "two.msh": (
-            ("2.2 0 8", "2.2 1 8", "it says that it is binary"),
+            ("2.2 0 8", "2.2 1 8", "it is declared as binary"),
             ("2.2 0 8", "4.0 0 8", "version 4.0; export it as 2.2 or 4.1"),
             ("$MeshFormat", "$Format", "no .MeshFormat"),
             ("$Nodes\n", "$Nodes\n9", "promised"),

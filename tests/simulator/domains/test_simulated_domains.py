@@ -89,7 +89,7 @@ def test_a_lost_neighbour_is_an_error_and_no_hang(monkeypatch: pytest.MonkeyPatc
 
 def test_more_gpus_than_there_are_is_exit_status_3(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(devices, "sharing", lambda: False)
-    with pytest.raises(BackendUnavailable, match=r"2 GPUs were asked for, and 1 is here; use gpus=1") as found:
+    with pytest.raises(BackendUnavailable, match=r"2 GPUs were requested, and 1 is here; use gpus=1") as found:
         open_simulation(scene_of(), "gpu", gpus=2)
     assert found.value.exit_status == 3
 

@@ -87,5 +87,5 @@ def test_windows_have_the_bits_of_the_cpu(name: str, bindings: Bindings, monkeyp
 
 
 def test_windows_that_share_a_gpu_are_refused(bindings: Bindings) -> None:
-    with pytest.raises(BackendUnavailable, match="a GPU for each window"):
+    with pytest.raises(BackendUnavailable, match="one GPU per window"):
         end(load_scene("lab-grid"), backend="gpu", gpus=2, link="nccl")

@@ -214,7 +214,7 @@ def test_a_plan_tells_of_the_cloth_and_of_what_is_launched() -> None:
         ({"tie": TIE | {"vertices": "edge"}}, "tie.vertices = 'edge': must be one of left, right"),
         (
             {"tie": TIE, "box": BOX | {"origin": [0.3, 0.3, 0.1]}},
-            r"tie.to = 'box': a vertex of cloth lies 0\.\d+ m outside of it; attach what touches it",
+            r"tie.to = 'box': a vertex of cloth lies 0\.\d+ m outside of it; attach vertices that touch it",
         ),
         (
             {"tie": TIE | {"body": "box", "vertices": "top", "to": "cloth"}},

@@ -1,4 +1,4 @@
-"""The panel's sliders: every field of the scene, what is live before what opens the world anew."""
+"""The panel's sliders: every field of the scene, live fields before those that need a recompile."""
 
 from __future__ import annotations
 

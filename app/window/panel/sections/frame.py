@@ -13,7 +13,8 @@ from softlab.app.window.window_protocol import WindowProtocol
 
 @dataclass(frozen=True)
 class PanelFrame:
-    """The `rows` that are laid out for a `viewer`, their `style`, and the panel's `state`, which lasts between frames."""
+    """The `rows` that are laid out for a `viewer`, their `style`, and the panel's `state`, which persists between
+    frames."""
 
     rows: Sliders
     viewer: WindowProtocol
@@ -22,5 +23,5 @@ class PanelFrame:
 
     @property
     def demo(self) -> Demo:
-        """The demo that is steered."""
+        """The demo that the panel controls."""
         return self.viewer.demo

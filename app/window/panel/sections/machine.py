@@ -1,4 +1,4 @@
-"""Backend, threads, precision, arithmetic and kernel. Each change carries the state over."""
+"""Backend, threads, precision, math and kernel. Every change keeps the state."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The head of the panel: scene, time, whether it runs, and its speed."""
+"""The head of the panel: scene, time, play and pause, speed."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from softlab.app.window.worlds import STEPS_PER_FRAME
 
 
 def head(frame: PanelFrame) -> None:
-    """Lay out the head, which is shown in every position of the sections below."""
+    """Lay out the head, which stays visible when the sections are scrolled."""
     demo, rows, imgui = frame.demo, frame.rows, frame.rows.imgui
     world = demo.world
     rows.bold(demo.titles[demo.current], 17.0)

@@ -1,4 +1,4 @@
-"""The panel's choice of scenes: another one, or several side by side."""
+"""The panel's choice of scenes: one, or several side by side."""
 
 from __future__ import annotations
 
@@ -27,7 +27,8 @@ def _beside(frame: PanelFrame) -> list[Entry]:
 
 
 def scene(frame: PanelFrame) -> None:
-    """Lay out the choice of another scene, of a scene beside the current ones, and of the current scene twice."""
+    """Lay out the choice of another scene, of a scene beside the current ones, and of a second copy of the current
+    scene."""
     demo, rows, state = frame.demo, frame.rows, frame.state
     now = demo.world.scene
     chosen = rows.scene_choice(
