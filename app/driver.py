@@ -53,7 +53,8 @@ def open_simulation(
     kernel : str, optional
         Kernel to use; by default the fastest one measured for the scene.
     live : iterable of str
-        What may change while running: gravity, poke, dt, stiffness, damping. Only these parts are compiled to be changeable.
+        What may change while running: gravity, poke, dt, stiffness, damping, wind, targets, taps. Only these parts are
+        compiled to be changeable.
     initial : State, optional
         State to start from.
     allow_unstable : bool

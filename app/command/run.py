@@ -185,7 +185,7 @@ def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Resul
             result.incomplete = Incomplete(fault_words(result.report))
         if result.rank != 0:
             return result
-        notes += fault_lines(result.report) + fluid_notes(result.report) + newton_notes(result.report)
+        notes += fault_lines(result.report) + fluid_notes(simulation.scene, result.report) + newton_notes(result.report)
         if exporter:
             result.written += exporter.finish(simulation, notes)
         opened.close()  # before the clip is drawn with its own renderer

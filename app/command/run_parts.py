@@ -11,6 +11,7 @@ from softlab.model.core.simulation import Simulation, State
 from softlab.model.scene.scene import Scene
 from softlab.model.tables.colliders.surface_collider import SurfaceCollider, naming
 
+SLOWED = 1e-4  # of all moves of particles in substeps: no mean of a fluid shows fewer
 
 def body_lines(scene: Scene) -> list[str]:
     """Return lines about the meshes of a scene's bodies: how each body was built, and its mass, once for all its
@@ -57,18 +58,21 @@ def collider_lines(scene: Scene) -> list[str]:
     return lines
 
 
-def fluid_notes(report: Mapping[str, object]) -> list[str]:
-    """Return remedies for a fluid whose capacity or speed limit was too small."""
+def fluid_notes(scene: Scene, report: Mapping[str, Any]) -> list[str]:
+    """Return remedies for a fluid whose capacity or speed limit was too small; a limit that slowed less than the part
+    `SLOWED` of the moves is not noted.
+    """
     notes = []
     if report.get("not_emitted"):
         notes.append(
             f"capacity reached: {report['not_emitted']} particles could not be emitted; a larger capacity "
             "of the fluid, a sink, or a lower speed helps"
         )
-    if report.get("speed_limited"):
+    moves = scene.grid.particle_count * scene.method.substeps * report["steps"]
+    if report.get("speed_limited", 0) > SLOWED * moves:
         notes.append(
             f"the speed limit of {report['speed_limit']:.3g} m/s slowed a particle in a substep {report['speed_limited']} "
-            "times: the fluid is slower than it should be; raise method.substeps, or the fluid's maximum_speed"
+            f"times ({100 * report['speed_limited'] / moves:.2g} % of all moves): the fluid is slower than it should be; raise method.substeps, or the fluid's maximum_speed"
         )
     return notes
 

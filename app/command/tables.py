@@ -72,10 +72,6 @@ def print_report(console: Console, report: Mapping[str, Any], written: list[Path
         label = "error" if report["error"] is None else ""
         table.add_row(label, ("not available: " if report["error"] is None else "") + escape(report["error_reason"]))
     console.print(table)
-    if report["method"].endswith(" lab") and report["error"]:
-        console.print(
-            "the step lab of the hand-out applies half of the acceleration (docs/method/grids.md), so its error is large"
-        )
     for path in written:
         console.print(f"wrote {path}", markup=False)
 
