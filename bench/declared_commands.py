@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from types import GenericAlias
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from typer.main import get_command_from_info
@@ -16,10 +16,12 @@ from typer.models import CommandInfo
 
 from softlab.app.command.command_line import DEFAULT_STORE, StorePath
 from softlab.bench.experiments.registry import EXPERIMENTS, experiments
-from softlab.bench.measure.declaration import PRECISION, Experiment, Option
 from softlab.bench.measure.took import Timed
 from softlab.bench.options import Backends, measure
 from softlab.model.base.errors import SceneError
+
+if TYPE_CHECKING:  # which imports the solvers
+    from softlab.bench.measure.declaration import Experiment, Option
 
 BACKEND, QUICK, STORE = "backend", "quick", "store"  # parameters that are not options of an experiment
 
@@ -76,6 +78,8 @@ def _annotated(option: Option) -> Any:
 
 def command_function(declared: Sequence[Experiment]) -> Callable[..., None]:
     """Return the function of a command, whose parameters are the options of its experiments."""
+    from softlab.bench.measure.declaration import PRECISION, Option
+
     switches = {one: one.switch for one in declared if one.switch}
     options = {name: option for one in declared for name, option in one.options.items()}
 

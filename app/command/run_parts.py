@@ -72,7 +72,8 @@ def fluid_notes(scene: Scene, report: Mapping[str, Any]) -> list[str]:
     if report.get("speed_limited", 0) > SLOWED * moves:
         notes.append(
             f"the speed limit of {report['speed_limit']:.3g} m/s slowed a particle in a substep {report['speed_limited']} "
-            f"times ({100 * report['speed_limited'] / moves:.2g} % of all moves): the fluid is slower than it should be; raise method.substeps, or the fluid's maximum_speed"
+            f"times ({100 * report['speed_limited'] / moves:.2g} % of all moves): the fluid is slower than it should be; "
+            "raise method.substeps, or the fluid's maximum_speed"
         )
     return notes
 

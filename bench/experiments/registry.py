@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
-from softlab.bench.measure.declaration import Experiment
+from typing import TYPE_CHECKING
+
 from softlab.model.base.components import named
+
+if TYPE_CHECKING:  # every command imports this list
+    from softlab.bench.measure.declaration import Experiment
 
 # command -> where its experiments are, in the order of the commands and of `softlab lab`
 EXPERIMENTS: dict[str, tuple[str, ...]] = {
