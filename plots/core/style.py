@@ -27,7 +27,7 @@ LONG_LABEL = 7.0  # point: size of an axis label that is long beside its panel
 LONG = 20  # letters
 FOOTER_SIZE = 7  # point
 FOOTER_LINE = 1.3 * FOOTER_SIZE  # point
-LETTER = 0.54  # width of a letter over its size
+LETTER = 0.6  # width of a letter over its size, in a line with many digits
 OLDER = "[older]"  # marks what uses measurements of older code
 
 SETTINGS: dict[str, Any] = {
