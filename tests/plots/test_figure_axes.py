@@ -174,19 +174,21 @@ def test_energies_are_joules_over_seconds() -> None:
         np.testing.assert_allclose(y, values)
 
 
-def test_the_strip_of_a_figure_is_no_wider_than_the_figure() -> None:
+@pytest.mark.parametrize("width", [3.3, 6.3])
+def test_the_strip_of_a_figure_is_no_wider_than_the_figure(width: float) -> None:
     """Sentences about machines and commits consist of digits and capitals in good part."""
     from textwrap import wrap
 
     import matplotlib.pyplot as plt
 
-    from softlab.plots.core.style import FOOTER_SIZE, LETTER
+    from softlab.plots.core.style import FOOTER_SIZE, LETTER, settings
 
-    sentence = "Committed measurements, NVIDIA H200: 26564 of its 26572 numbers are older than this code (1e405d5bab8c, 2026-11-23) "
-    figure = plt.figure(figsize=(6.3, 3))
-    try:
-        for line in wrap(8 * sentence, int(72 * 6.3 / (LETTER * FOOTER_SIZE))):
+    sentence = (
+        "Committed measurements, NVIDIA H200: 26564 of its 26572 numbers are older than this code (1e405d5bab8c, "
+    )
+    with settings():
+        figure = plt.figure(figsize=(width, 3))
+        for line in wrap(8 * sentence, int(72 * width / (LETTER * FOOTER_SIZE))):
             box = figure.text(0.995, 1.0, line, fontsize=FOOTER_SIZE, ha="right", va="bottom").get_window_extent()
             assert box.x0 >= 0, line
-    finally:
         plt.close(figure)
