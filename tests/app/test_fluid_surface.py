@@ -160,7 +160,9 @@ def pool(rows: int, seed: int = 5) -> np.ndarray:
 
 @pytest.mark.parametrize("pitch", [0.0, 0.6], ids=["from the side", "from above"])
 @pytest.mark.parametrize(("shaped", "largest"), [(False, 0.17), (True, 0.12)], ids=["balls", "ellipsoids"])
-def test_the_outline_of_a_pool_is_level(pitch: float, shaped: bool, largest: float, monkeypatch: Any) -> None:
+def test_the_outline_of_a_pool_is_level(
+    pitch: float, shaped: bool, largest: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The upper edge of a rough pool deviates from a straight line by less than `largest` radii (RMS), and by a sixth less
     than where the bell has a standard deviation of 0.7 radii."""
     camera, radius, deviation = Camera3D(SIDE, SIDE, distance=3.0, yaw=0.0, pitch=pitch), 0.072, []

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from softlab.app.render import colours, shaders
+from softlab.app.render.camera import Camera2D
 from softlab.app.render.fluid.disc_shaders import DISC_FRAGMENT, DISC_VERTEX
 from softlab.app.render.fluid.outlines import outlines, sections, triangles
 from softlab.app.render.fluid.plane_surface import PlaneSurface
@@ -37,7 +36,7 @@ class PlaneFluid:
         polygons = sections(scene, 0.0)
         self._lines, self._areas = _Shapes(outlines(polygons)), _Shapes(triangles(polygons))
 
-    def draw_particles(self, camera: Any) -> None:
+    def draw_particles(self, camera: Camera2D) -> None:
         """Draw the discs."""
         program = self._disc_program
         program.use()
@@ -45,7 +44,7 @@ class PlaneFluid:
         draw_squares(self._discs, self._count)
         program.stop()
 
-    def draw_surface(self, camera: Any, time: float) -> None:
+    def draw_surface(self, camera: Camera2D, time: float) -> None:
         """Draw the surface, which ends at the colliders of `time` [s]."""
         from pyglet import gl
 
@@ -53,13 +52,15 @@ class PlaneFluid:
         areas = triangles(sections(self.scene, time))
         self._draw_shapes(camera, self._areas, areas, gl.GL_TRIANGLES, colours.BACKGROUND)
 
-    def draw_colliders(self, camera: Any, time: float) -> None:
+    def draw_colliders(self, camera: Camera2D, time: float) -> None:
         """Draw the outlines at `time` [s]."""
         from pyglet import gl
 
         self._draw_shapes(camera, self._lines, outlines(sections(self.scene, time)), gl.GL_LINES, colours.FAINT)
 
-    def _draw_shapes(self, camera: Any, shapes: _Shapes, corners: np.ndarray, mode: int, colour: Any) -> None:
+    def _draw_shapes(
+        self, camera: Camera2D, shapes: _Shapes, corners: np.ndarray, mode: int, colour: tuple[float, float, float]
+    ) -> None:
         HostVertices.send(shapes.corners, corners)
         program = self._collider_program
         program.use()
