@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import pi
+
 from softlab.app.render.camera import Camera2D
 from softlab.app.render.fluid.disc_shaders import FIELD_FRAGMENT, FIELD_VERTEX, LEVEL_FRAGMENT, LEVEL_VERTEX
 from softlab.app.render.opengl import shader_program
