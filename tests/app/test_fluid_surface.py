@@ -99,6 +99,24 @@ def test_a_plane_of_particles_is_a_plane(pitch: float) -> None:
     assert np.mean(degrees(image, camera.axes @ (0.0, 1.0, 0.0)) < 5) > 0.95
 
 
+@pytest.mark.parametrize("shaped", [False, True], ids=["balls", "ellipsoids"])
+def test_a_rough_plane_seen_at_seven_degrees_has_no_stripes(shaped: bool) -> None:
+    """Rows of particles are far behind one another there: 98 % of the normals stay within 30 degrees of the vertical."""
+    along = np.arange(-16, 17) * 0.08
+    places = np.stack(np.meshgrid(along, -0.08 * np.arange(5), along), axis=-1).reshape(-1, 3)
+    places += np.random.default_rng(4).uniform(-0.02, 0.02, places.shape)
+    camera = Camera3D(SIDE, SIDE, distance=3.0, yaw=0.2, pitch=0.12)
+    middles, axes = ellipsoids(places, 0.072, 0.16) if shaped else (places, None)
+    water = surface(middles, 0.072, "narrow-range", axes)
+    water.passes(camera)
+    image = water.normals(camera)
+    water.delete()
+    first = int(np.argmax((image[..., 3] > 0).any(axis=1))) + 4
+    rows = int(0.7 * np.ptp(along) * np.sin(camera.pitch) * camera.scale)  # of its upper side
+    tilt = degrees(image, camera.axes @ (0.0, 1.0, 0.0))[first : first + rows, 80:-80]
+    assert rows > 30 and np.mean(tilt > 30) < 0.02
+
+
 @pytest.mark.parametrize(("filtered", "most"), [("narrow-range", 0.16), ("curvature-flow", 0.3)])
 def test_a_silhouette_does_not_bleed(filtered: str, most: float) -> None:
     """What is covered stays so, and no more; what lies in front pulls nothing behind it along, nor the other way round."""
@@ -142,7 +160,9 @@ def pool(rows: int, seed: int = 5) -> np.ndarray:
 
 @pytest.mark.parametrize("pitch", [0.0, 0.6], ids=["from the side", "from above"])
 @pytest.mark.parametrize(("shaped", "largest"), [(False, 0.17), (True, 0.12)], ids=["balls", "ellipsoids"])
-def test_the_outline_of_a_pool_is_level(pitch: float, shaped: bool, largest: float, monkeypatch: Any) -> None:
+def test_the_outline_of_a_pool_is_level(
+    pitch: float, shaped: bool, largest: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The upper edge of a rough pool deviates from a straight line by less than `largest` radii (RMS), and by a sixth less
     than where the bell has a standard deviation of 0.7 radii."""
     camera, radius, deviation = Camera3D(SIDE, SIDE, distance=3.0, yaw=0.0, pitch=pitch), 0.072, []

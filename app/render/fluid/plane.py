@@ -1,13 +1,11 @@
-"""Draws a fluid in a plane: its surface, or its particles as discs, and its colliders."""
+"""A fluid of a plane: its surface, or its particles as discs, and its colliders."""
 
 from __future__ import annotations
-
-from typing import Any
 
 import numpy as np
 
 from softlab.app.render import colours, shaders
-from softlab.app.render.camera import Camera
+from softlab.app.render.camera import Camera2D
 from softlab.app.render.fluid.disc_shaders import DISC_FRAGMENT, DISC_VERTEX
 from softlab.app.render.fluid.outlines import outlines, sections, triangles
 from softlab.app.render.fluid.plane_surface import PlaneSurface
@@ -26,8 +24,8 @@ from softlab.model.scene.scene import Scene
 
 
 class PlaneFluid:
-    """Draws a fluid in a plane from two OpenGL buffers: positions (particles, 2) float32 [m], and appearances
-    (particles, 4), colour and radius [m]. Needs a current OpenGL 3.3 context."""
+    """A fluid of a plane, from positions (particles, 2) float32 [m] and appearances (particles, 4), colour and radius
+    [m], in two OpenGL buffers. Needs a current OpenGL 3.3 context."""
 
     def __init__(self, scene: Scene, position: int, appearance: int):
         self.scene, self._count = scene, scene.grid.particle_count
@@ -38,7 +36,7 @@ class PlaneFluid:
         polygons = sections(scene, 0.0)
         self._lines, self._areas = _Shapes(outlines(polygons)), _Shapes(triangles(polygons))
 
-    def draw_particles(self, camera: Camera) -> None:
+    def draw_particles(self, camera: Camera2D) -> None:
         """Draw the discs."""
         program = self._disc_program
         program.use()
@@ -46,7 +44,7 @@ class PlaneFluid:
         draw_squares(self._discs, self._count)
         program.stop()
 
-    def draw_surface(self, camera: Camera, time: float) -> None:
+    def draw_surface(self, camera: Camera2D, time: float) -> None:
         """Draw the surface, which ends at the colliders of `time` [s]."""
         from pyglet import gl
 
@@ -54,13 +52,15 @@ class PlaneFluid:
         areas = triangles(sections(self.scene, time))
         self._draw_shapes(camera, self._areas, areas, gl.GL_TRIANGLES, colours.BACKGROUND)
 
-    def draw_colliders(self, camera: Camera, time: float) -> None:
+    def draw_colliders(self, camera: Camera2D, time: float) -> None:
         """Draw the outlines at `time` [s]."""
         from pyglet import gl
 
         self._draw_shapes(camera, self._lines, outlines(sections(self.scene, time)), gl.GL_LINES, colours.FAINT)
 
-    def _draw_shapes(self, camera: Any, shapes: _Shapes, corners: np.ndarray, mode: int, colour: Any) -> None:
+    def _draw_shapes(
+        self, camera: Camera2D, shapes: _Shapes, corners: np.ndarray, mode: int, colour: tuple[float, float, float]
+    ) -> None:
         HostVertices.send(shapes.corners, corners)
         program = self._collider_program
         program.use()

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from math import pi
-from typing import Any
 
+from softlab.app.render.camera import Camera2D
 from softlab.app.render.fluid.disc_shaders import FIELD_FRAGMENT, FIELD_VERTEX, LEVEL_FRAGMENT, LEVEL_VERTEX
 from softlab.app.render.opengl import shader_program
 from softlab.app.render.vertex_arrays import draw_squares, uniform_matrix
@@ -23,7 +23,7 @@ class PlaneSurface:
     context. Raises BackendUnavailable if the driver has no float pictures.
     """
 
-    def __init__(self, squares: Any, count: int, spacing: float):
+    def __init__(self, squares: object, count: int, spacing: float):
         from pyglet import gl
 
         self._squares, self._count, self._spacing = squares, count, spacing
@@ -35,7 +35,7 @@ class PlaneSurface:
         gl.glGenTextures(1, self._picture)
         gl.glGenVertexArrays(1, self._empty)
 
-    def draw(self, camera: Any) -> None:
+    def draw(self, camera: Camera2D) -> None:
         """Draw the surface."""
         from pyglet import gl
 

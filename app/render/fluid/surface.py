@@ -36,7 +36,7 @@ from softlab.model.base.errors import InputError
 
 FILTERS = ("narrow-range", "curvature-flow", "none")
 BACK = 5  # where shaders look for the first row of an ellipsoid's inverse
-HALF_WIDTH, RANGE, BEYOND = 3.0, 2.0, 0.6  # of the filter, in radii: half width, range, smallest depth step that counts
+HALF_WIDTH, RANGE, BEYOND = 3.0, 3.5, 0.6  # of the filter, in radii: half width, range, smallest depth step that counts
 BLUR = 3.0  # radii: half width of that of thickness
 ALONG = ((1, 0), (0, 1))
 _NARROW = {"range": RANGE, "behind": BEYOND}
