@@ -98,7 +98,7 @@ class Releasing(Backend):
         vars(self).clear()  # everything that a solver creates or caches depends on its pins
         self._entering = True
         try:
-            self.__init__(scene, options, *threads)  # type: ignore[misc]
+            type(self).__init__(self, scene, options, *threads)
         except BaseException:
             self.closed = True
             raise
