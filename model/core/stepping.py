@@ -98,7 +98,7 @@ class Releasing(Backend):
         vars(self).clear()  # everything that a solver creates or caches depends on its pins
         self._entering = True
         try:
-            type(self).__init__(self, scene, options, *threads)
+            self.__init__(scene, options, *threads)  # type: ignore[misc]
         except BaseException:
             self.closed = True
             raise
