@@ -137,7 +137,7 @@ def _replayed(simulation: Any, stages: Moments, runs: Runs) -> StageTimes:
 
         graphs = Graphs(simulation.stream, launch, lambda count: None)
 
-        def timed(count: int, graphs: Any = graphs) -> float:
+        def timed(count: int, graphs: Graphs = graphs) -> float:
             simulation.synchronize()
             begin = time.perf_counter()
             graphs.run(0, count)

@@ -198,7 +198,7 @@ def _thread_counts() -> list[int]:
 def _numba_threads() -> int:
     import numba
 
-    return int(numba.config.NUMBA_NUM_THREADS)  # type: ignore[attr-defined]
+    return int(vars(numba.config)["NUMBA_NUM_THREADS"])  # set at run time, from the environment
 
 
 def _caches() -> dict[str, int] | None:

@@ -259,7 +259,7 @@ def reports_lost_neighbours(trial: Trial) -> list[Check]:
     once = scene.replace({"method.substeps": 1, "method.dt": trial.dt / scene.method.substeps})
     with trial.open(trial.start(position), scene=once) as simulation:
         trial.advance(simulation, 1)
-        reported = int(simulation.read("contacts_lost"))
+        reported = int(simulation.read("neighbours_lost"))
     fastest = max(
         _largest_speed(state) for state in trial.watch(range(1, trial.steps(FREE) + 1), trial.start(position))
     )

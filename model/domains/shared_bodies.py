@@ -14,9 +14,11 @@ from softlab.model.core.families import family_of, scene_plan
 from softlab.model.core.family import Field, written
 from softlab.model.core.options import Options
 from softlab.model.core.sharing.bodies import Apart, Block, Division, divide
+from softlab.model.core.simulation import Simulation
 from softlab.model.domains.windows import WindowedSimulation, refuse_targets
 from softlab.model.scene.scene import Scene
 from softlab.model.shape_matching.simulation import BodiesSimulation
+from softlab.model.tables.parts import Grid
 
 TURN = 64  # steps requested of one GPU before the next one: a full queue blocks the caller
 
@@ -94,9 +96,11 @@ class SharedBodies(BodiesSimulation, WindowedSimulation):
     def _parameters_changed(self) -> None:
         changed, self._sent = self.scene is not self._sent, self.scene
 
-        def send(window: BodiesSimulation, block: Block) -> None:
+        def send(window: Simulation, block: Block) -> None:
             if changed:
-                window.scene = self.scene.with_particles(self._apart.attribute, window.scene.body_set)
+                particles = window.scene.grid
+                assert not isinstance(particles, Grid)
+                window.scene = self.scene.with_particles(self._apart.attribute, particles)
             here = block.first_particle <= self._poke_particle < block.end_particle
             self._hand_on(window, self._poke_particle - block.first_particle if here else -1)
 
@@ -114,7 +118,7 @@ class SharedBodies(BodiesSimulation, WindowedSimulation):
         return self._gathered([one for one, _ in both]), self._gathered([one for _, one in both])
 
     def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
-        def send(window: BodiesSimulation, block: Block) -> None:
+        def send(window: Simulation, block: Block) -> None:
             particles = block.particles
             window._upload(np.ascontiguousarray(position[particles]), np.ascontiguousarray(velocity[particles]))
 
@@ -143,7 +147,7 @@ class SharedBodies(BodiesSimulation, WindowedSimulation):
         """Return the velocity of the pins in this process's blocks; other processes compute those of theirs."""
         velocity = np.zeros((len(self.body.pinned), 3), self.real)
 
-        def fill(window: BodiesSimulation, block: Block) -> None:
+        def fill(window: Simulation, block: Block) -> None:
             first, end = np.searchsorted(self.body.pinned, (block.first_particle, block.end_particle))
             velocity[first:end] = window._pin_velocity(step)
 
