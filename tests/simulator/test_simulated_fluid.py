@@ -1,4 +1,4 @@
-"""Fluids on CUDA, in plain Python: against the NumPy judge, fused against stage by stage, to the bits of the CPU."""
+"""Emitters on CUDA, in plain Python: what came is taken back, and a tap is turned."""
 
 from __future__ import annotations
 

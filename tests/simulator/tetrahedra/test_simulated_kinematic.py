@@ -1,4 +1,4 @@
-"""Moving pins of tetrahedral bodies on CUDA, in plain Python: the bits of the CPU's."""
+"""Live targets of pinned vertices on CUDA, in plain Python: the bits of the CPU's."""
 
 from __future__ import annotations
 
