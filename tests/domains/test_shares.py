@@ -106,16 +106,21 @@ ROWS = (*windows(), *apart(), *meshes(), *slabs())
 
 
 @pytest.mark.parametrize(
-    "row",
-    [pytest.param(row, id=row.name.replace(" ", "-"), marks=[pytest.mark.rest] if row.rest else []) for row in ROWS],
+    "row, count",
+    [
+        pytest.param(
+            row, count, id=f"{row.name}-{count}".replace(" ", "-"), marks=[pytest.mark.rest] if row.rest else []
+        )
+        for row in ROWS
+        for count in row.counts
+    ],
 )
-def test_shares_have_the_bits_of_one(row: Row, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_shares_have_the_bits_of_one(row: Row, count: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """A fluid's particles cross between slabs, which are balanced anew on the way."""
     if HUNDREDS not in row.name:
         monkeypatch.setattr(shared_fluid, "BALANCED_EVERY", 4)
     scene = row.scene()
     wanted: State = alone(scene, row.steps, **row.options)
     assert wanted.plastic is None or np.abs(wanted.plastic - np.eye(3)).max() > 1e-3, "nothing was pressed"
-    for count in row.counts:
-        for found in shared(scene, count, row.steps, row.every, **row.options):
-            assert same(found, wanted), count
+    for found in shared(scene, count, row.steps, row.every, **row.options):
+        assert same(found, wanted)

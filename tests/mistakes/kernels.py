@@ -31,7 +31,7 @@ CPU: tuple[Mistake, ...] = (
     ),
     *in_file(
         "model/core/own_forces.py",
-        "test_shares.py::test_shares_have_the_bits_of_one[grid-random]",
+        "test_shares.py::test_shares_have_the_bits_of_one[grid-random-2]",
         {"a window counts its masses from its own first": ("np.int64(k) + np.int64(integers[FIRST])", "np.int64(k)")},
     ),
     *in_file(
