@@ -93,10 +93,9 @@ def meshes() -> Iterator[Row]:
 
 
 def slabs() -> Iterator[Row]:
-    yield Row("dam", partial(fluids.dam, water__size=[0.8, 0.15]), (3,), 10, rest=True)
-    yield Row(
-        "dam in float64", partial(fluids.dam, water__size=[0.8, 0.15]), (3,), 10, options={"precision": "float64"}
-    )
+    small, double = partial(fluids.dam, water__size=[0.8, 0.15]), {"precision": "float64"}
+    yield Row("dam", small, (3,), 10)
+    yield Row("dam in float64", small, (3,), 10, options=double, rest=True)
     yield Row(f"dam {HUNDREDS}", fluids.dam, (2, 3, 4), 200)
     for name, parts in fluids.PARTS.items():
         yield Row(f"dam {name} {HUNDREDS}", partial(fluids.dam, **parts), (2,), 200)
