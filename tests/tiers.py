@@ -181,9 +181,7 @@ test_simulated_scatter.py test_the_cost*
 test_simulated_hard.py *A10?rigid*
 test_simulated_hard.py *B16* *B20-float*
 test_simulated_particle_contacts.py test_contacts_happen*
-test_simulated_xpbd.py test_live*stages? test_live*one-block?
 test_simulated_lattice.py test_windows_in_turn*
-test_simulated_newton.py test_pins_go*
 # the same again in plain Python or on a CPU's machine code: a value fewer, a second judge, a picture
 test_bodies_catalogue.py test_bodies_fall*cloth-on-jelly? test_what_waits*
 test_rebound.py test_against*float32-29? test_against*float64-0? test_two_that_meet*1.0-3000.0?
@@ -230,6 +228,6 @@ THINNED = {
     "test_hard_cloth.py", "test_hard_xpbd.py", "test_implicit.py", "test_implicit_newton.py", "test_iterations.py",
     "test_links.py", "test_matching.py", "test_motion.py", "test_motion_scenes.py", "test_no_trace_ptx.py",
     "test_particle_contacts.py", "test_ptx.py", "test_rebound.py", "test_rotation.py", "test_simulated_contacts.py",
-    "test_simulated_hard.py", "test_simulated_lattice.py", "test_simulated_particle_contacts.py", "test_simulated_xpbd.py",
+    "test_simulated_hard.py", "test_simulated_lattice.py", "test_simulated_particle_contacts.py",
     "test_spare.py", "test_xpbd_assembly.py", "test_xpbd_cpu_reference.py", "test_xpbd_laws.py", "test_xpbd_mesh_cpu.py",
 }  # fmt: skip

@@ -1,4 +1,4 @@
-"""A cloth's contacts with itself on a real GPU: the bits of the CPU in exact math, through launches and captured graphs."""
+"""A cloth stays out of itself on a real GPU in `fast` math."""
 
 from __future__ import annotations
 

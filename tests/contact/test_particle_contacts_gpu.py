@@ -1,4 +1,4 @@
-"""Contacts between particles on a real GPU: the bits of the CPU in exact math, through launches and captured graphs."""
+"""Contacts between particles on a real GPU: neighbours, `fast` math near `exact`, states without numbers."""
 
 from __future__ import annotations
 

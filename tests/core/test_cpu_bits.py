@@ -1,4 +1,4 @@
-"""In `exact` math the answer does not depend on how it was had: threads, kernels, batches, restarts, spare parts."""
+"""Parts that are compiled in but off change no bit; random forces go by seed and step; words for threads."""
 
 import dataclasses
 

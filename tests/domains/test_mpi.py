@@ -46,7 +46,7 @@ def assert_same(found):
 
 @needs_mpi
 def test_processes_have_the_bits_of_one_after_1_000_steps(tmp_path):
-    """The gate: exact math, whatever the number of processes (of threads: test_ranks.py); one of them has neighbours on both
+    """The gate: exact math, whatever the number of processes (of threads: test_shares.py); one of them has neighbours on both
     sides, and rows do not divide evenly."""
     assert_same(states(tmp_path, ["--steps", 1000, "--set", "grid.rows=40"], ranks=3))
 

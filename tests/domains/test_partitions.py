@@ -1,4 +1,4 @@
-"""Tetrahedral bodies in partitions of their meshes have the bits of one, in however many shares."""
+"""Tetrahedral bodies in partitions of their meshes: pokes, halos, what cannot be cut (bits: test_shares.py)."""
 
 from __future__ import annotations
 

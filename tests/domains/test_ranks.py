@@ -1,5 +1,4 @@
-"""A grid on several CPU ranks has the bits of one, whatever it is made of and however many they are; threads stand in for
-processes here, which test_mpi.py runs."""
+"""A grid on several CPU ranks: pokes, divergences, lost ranks, what cannot be shared (bits: test_shares.py)."""
 
 import pytest
 from shares import alone, same, shared

@@ -1,4 +1,4 @@
-"""Bodies that never meet have the bits of one, in however many shares; ranks are threads here, test_mpi.py runs processes."""
+"""Bodies that never meet, in shares: what is done to them reaches their share (bits: test_shares.py)."""
 
 from __future__ import annotations
 

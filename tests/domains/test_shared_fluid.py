@@ -1,4 +1,4 @@
-"""A fluid in slabs has the bits of one, in however many shares; ranks are threads here, test_mpi.py runs processes."""
+"""A fluid in slabs: halos, windows, what is done to it, what cannot be shared (bits: test_shares.py)."""
 
 from __future__ import annotations
 

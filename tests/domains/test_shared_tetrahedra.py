@@ -1,4 +1,4 @@
-"""Tetrahedral bodies that never meet have the bits of one, in however many shares."""
+"""Tetrahedral bodies that never meet, in shares: pokes, what couples them (bits: test_shares.py)."""
 
 from __future__ import annotations
 

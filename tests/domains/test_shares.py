@@ -93,10 +93,9 @@ def meshes() -> Iterator[Row]:
 
 
 def slabs() -> Iterator[Row]:
-    yield Row("dam", partial(fluids.dam, water__size=[0.8, 0.15]), (3,), 10, rest=True)
-    yield Row(
-        "dam in float64", partial(fluids.dam, water__size=[0.8, 0.15]), (3,), 10, options={"precision": "float64"}
-    )
+    small, double = partial(fluids.dam, water__size=[0.8, 0.15]), {"precision": "float64"}
+    yield Row("dam", small, (3,), 10)
+    yield Row("dam in float64", small, (3,), 10, options=double, rest=True)
     yield Row(f"dam {HUNDREDS}", fluids.dam, (2, 3, 4), 200)
     for name, parts in fluids.PARTS.items():
         yield Row(f"dam {name} {HUNDREDS}", partial(fluids.dam, **parts), (2,), 200)
@@ -106,16 +105,21 @@ ROWS = (*windows(), *apart(), *meshes(), *slabs())
 
 
 @pytest.mark.parametrize(
-    "row",
-    [pytest.param(row, id=row.name.replace(" ", "-"), marks=[pytest.mark.rest] if row.rest else []) for row in ROWS],
+    "row, count",
+    [
+        pytest.param(
+            row, count, id=f"{row.name}-{count}".replace(" ", "-"), marks=[pytest.mark.rest] if row.rest else []
+        )
+        for row in ROWS
+        for count in row.counts
+    ],
 )
-def test_shares_have_the_bits_of_one(row: Row, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_shares_have_the_bits_of_one(row: Row, count: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """A fluid's particles cross between slabs, which are balanced anew on the way."""
     if HUNDREDS not in row.name:
         monkeypatch.setattr(shared_fluid, "BALANCED_EVERY", 4)
     scene = row.scene()
     wanted: State = alone(scene, row.steps, **row.options)
     assert wanted.plastic is None or np.abs(wanted.plastic - np.eye(3)).max() > 1e-3, "nothing was pressed"
-    for count in row.counts:
-        for found in shared(scene, count, row.steps, row.every, **row.options):
-            assert same(found, wanted), count
+    for found in shared(scene, count, row.steps, row.every, **row.options):
+        assert same(found, wanted)

@@ -1,4 +1,4 @@
-"""Implicit tetrahedral bodies on a real GPU: the bits of the CPU's in exact math, its states in fast math."""
+"""Implicit tetrahedral bodies on a real GPU in `fast` math: modes, sag, steps as far as in exact math."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The cloth on a real GPU: the CPU's bits in `exact` math, for every integrator and kernel, and a bounded `fast`."""
+"""Colliders hold a cloth on a real GPU in `fast` math."""
 
 from __future__ import annotations
 

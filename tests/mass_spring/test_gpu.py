@@ -1,9 +1,4 @@
-"""CUDA on a real GPU: the same bits as the CPU in `exact` math, and a bounded difference in `fast`.
-
-The tolerance of `fast`: a step's arithmetic commits a relative rounding of a few epsilon (fused and approximate
-operations: 2 ulp for the reciprocal root) in accelerations of at most a_max, so after n steps of dt a damped, hence
-contracting, motion (docs/method/cases.md, fact 5) is off by at most about n * (epsilon * position scale), summed linearly.
-"""
+"""Every tile of the tables of grids, on a real GPU: the same bits as a launch a step."""
 
 from __future__ import annotations
 

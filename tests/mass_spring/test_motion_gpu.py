@@ -1,4 +1,4 @@
-"""Pins that follow a path on a real GPU: the CPU's bits in `exact` math, for every integrator and kernel."""
+"""Pins follow their path on a real GPU in `fast` math."""
 
 from __future__ import annotations
 

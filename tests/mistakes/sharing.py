@@ -5,8 +5,8 @@ from __future__ import annotations
 from .mistake import Mistake, in_file
 
 WORLD = "test_world_cpu.py::test_states_are_the_references"
-FLUID = "test_shares.py::test_shares_have_the_bits_of_one[dam-in-float64]"
-BAR = "test_shares.py::test_shares_have_the_bits_of_one[bar]"
+FLUID = "test_shares.py::test_shares_have_the_bits_of_one[dam-in-float64-3]"
+BAR = "test_shares.py::test_shares_have_the_bits_of_one[bar-3]"
 
 WORLDS: tuple[Mistake, ...] = (
     *in_file(
@@ -71,14 +71,14 @@ DOMAINS: tuple[Mistake, ...] = (
     ),
     *in_file(
         "model/domains/shared_bodies.py",
-        "test_shares.py::test_shares_have_the_bits_of_one[bodies] test_shared_bodies.py::test_what_is_done_to_bodies_reaches_their_shares",
+        "test_shares.py::test_shares_have_the_bits_of_one[bodies-3] test_shared_bodies.py::test_what_is_done_to_bodies_reaches_their_shares",
         {
             "clusters are gathered in the order of blocks": ("whole[self._clusters] = gathered", "whole[:] = gathered"),
         },
     ),
     *in_file(
         "model/domains/windows.py",
-        "test_shares.py::test_shares_have_the_bits_of_one[grid-by-stages]",
+        "test_shares.py::test_shares_have_the_bits_of_one[grid-by-stages-2]",
         {"windows begin each run at step 0": ("window.step = first\n", "window.step = 0\n")},
     ),
     *in_file(

@@ -107,7 +107,7 @@ DESCENT: tuple[Mistake, ...] = (
     ),
     *in_file(
         "model/tetrahedra/descent.py",
-        "test_shares.py::test_shares_have_the_bits_of_one[bar-by-vertices]",
+        "test_shares.py::test_shares_have_the_bits_of_one[bar-by-vertices-3]",
         {"a part's vertices name tetrahedra of the whole": ("CORNERS * np.searchsorted(inside, entries // CORNERS) + entries % CORNERS", "entries")},
     ),
 )  # fmt: skip

@@ -1,4 +1,4 @@
-"""The CUDA kernels' logic, in plain Python at 8 x 9 masses, against the CPU: the same operations in the same order."""
+"""A grid's CUDA kernels, in plain Python: how a mass that diverged is found, and `softlab run`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The CUDA kernels of lattices in plain Python: to the bits of the CPU, stage by stage and step by step."""
+"""The CUDA kernels of lattices in plain Python: the same bits however many windows a thread takes."""
 
 from __future__ import annotations
 

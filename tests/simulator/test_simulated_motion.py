@@ -1,4 +1,4 @@
-"""Pins that follow a path on the GPU's kernels, in plain Python: the bits of the CPU, for every kernel."""
+"""Pins that follow a path on the GPU's kernels, in plain Python: they go by the time, and have marks."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""The kernels on tiles, in plain Python: several blocks with halos, the same bits as the CPU.
+"""Tiles of a grid with halos, in plain Python: who owns a mass; and a fixture that runs all blocks of a launch at once.
 
-The simulator runs blocks one after another. For `tiles` that is as good as together; `resident`, whose blocks wait for
-each other, is run here with all blocks at once, each a group of Python threads.
+The simulator runs blocks one after another. For `tiles` that is as good as together; blocks of `resident` wait for each
+other, so each is a group of Python threads here.
 """
 
 from __future__ import annotations

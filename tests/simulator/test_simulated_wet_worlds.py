@@ -1,4 +1,4 @@
-"""Worlds with water on CUDA, in plain Python: the bits of the CPU's."""
+"""Live fields reach the water of a world on CUDA, in plain Python."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Moving pins, targets, attachments, materials of tetrahedral bodies on a real GPU: the bits of the CPU's in exact math."""
+"""Live targets of pinned vertices on a real GPU: the CPU's bits in exact math."""
 
 from __future__ import annotations
 

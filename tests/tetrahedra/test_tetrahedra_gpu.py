@@ -1,4 +1,4 @@
-"""Tetrahedral bodies on a real GPU: the bits of the CPU's in exact math, its states in fast math."""
+"""Which kernel tetrahedral bodies take on a real GPU."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
-"""The position-based solvers on CPU threads: one answer from both kernels, for every number of threads and every batch of
-steps."""
+"""Position-based solvers on CPU threads that run one after the other: the same bits."""
 
 from __future__ import annotations
 

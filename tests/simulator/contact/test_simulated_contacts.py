@@ -1,5 +1,4 @@
-"""A cloth's contacts with itself on CUDA, in plain Python: against the independent NumPy reference, stage by stage and pass
-by pass to the same bits, and the prefix sums against NumPy's."""
+"""A cloth's contacts with itself on CUDA, in plain Python: the independent NumPy reference's, and prefix sums as NumPy's."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Pins that let go on the GPU's kernels, in plain Python: the bits of the CPU, in one call and from a state."""
+"""Pins that let go on the GPU's kernels, in plain Python: a restart pins again, and a state goes on."""
 
 from __future__ import annotations
 

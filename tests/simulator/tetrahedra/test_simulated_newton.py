@@ -6,11 +6,9 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from kinematic_scenes import BAR, ENDS, LOOSE, kinematic_scene
 from newton_scenes import end_state, groups_and_bodies, newton_scene
 from tetrahedra_scenes import BODY
 
-from softlab.app.driver import open_simulation
 from softlab.model.core.simulation import State
 from softlab.model.scene.scene import Scene
 
@@ -44,23 +42,3 @@ def test_bits_where_all_is_held() -> None:
     scene = newton_scene("fixed-corotated", body=BODY | {"pinned": ["bottom", "top"]})
     state = held_against_the_cpu(scene, "float64", 1, initial=None)
     assert not state.velocity.any()
-
-
-PINS: dict[str, Any] = {
-    "bar": BAR | {"edge": 0.1, "damping": 0.03, "mass_damping": 3.0},
-    "slow": LOOSE | {"edge": 0.1, "origin": [0.0, 0.5, 0.0], "velocity": [1.0, 0.5, 0.2], "mass_damping": 5.0},
-    "gravity": {},
-} | ENDS  # fmt: skip
-
-
-def test_pins_go_to_the_cpus_targets() -> None:
-    scene, states = kinematic_scene("newton", **{name: PINS[name] for name in ("bar", "slow")}), []
-    for backend in ("cpu", "gpu"):
-        options: dict[str, Any] = {"math": "exact", "live": ("targets",)}
-        with open_simulation(scene, backend, **options) as simulation:
-            for step in range(2):
-                simulation.targets(scene.tetrahedra_set.position + 0.01 * step)
-                simulation.advance(1)
-            states.append(simulation.state())
-    assert np.array_equal(states[0].position, states[1].position)
-    assert np.array_equal(states[0].velocity, states[1].velocity)

@@ -1,4 +1,4 @@
-"""A cloth beside tetrahedral bodies on a real GPU: in exact math the bits of the CPU, in fast it holds what falls on it."""
+"""A cloth holds the bodies that fall on it, on a real GPU in `fast` math."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Vertex block descent on a real GPU: the bits of the CPU's in exact math, its states in fast math."""
+"""Vertex block descent in `fast` math, on the CPU and on a real GPU."""
 
 from __future__ import annotations
 
