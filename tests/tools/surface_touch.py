@@ -9,7 +9,7 @@ import numpy as np
 from cloth_solve import solve
 
 from softlab.bench.reference import cloth as judge
-from softlab.model.base.variant import Variant, plain_formulas
+from softlab.model.base.variant import Variant, features_of, plain_formulas
 from softlab.model.contact.cloth_parameters import B_TREE, COLLIDER_FIELDS, collider_numbers
 from softlab.model.scene.scene import Scene
 from softlab.model.tables.colliders.surface_collider import SurfaceCollider
@@ -95,7 +95,7 @@ def check_compiled(formulas: ModuleType, numbers: np.ndarray, ways: np.ndarray) 
 
     found, plain = np.zeros((2, len(ways), 7), ways.dtype)
     compiled = numba.njit(error_model="numpy")
-    settle = Variant(ways.dtype.type, compiled).of(formulas).settle
+    settle = Variant(ways.dtype.type, compiled, features_of(())).of(formulas).settle
     compiled(batch)(numbers, ways, found)
     settle = plain_formulas(formulas, ways.dtype.type).settle
     batch(numbers, ways, plain)
