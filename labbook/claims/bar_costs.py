@@ -36,10 +36,11 @@ def costs_of(results: Results) -> Claim:
             if timed:
                 parts[-1] += f"; of {_named(timed)} the time alone was measured"
     if not parts:
-        return Claim("What the bar costs by each method was not measured.")
+        return Claim("The cost of the bar by each method was not measured.")
     suspect = SUSPECT if busy else ""
     return Claim(
-        f"Where sag and frequency are within {words.percent(CLOSE)} of the rod's, a frame takes {'; '.join(parts)}{suspect}.",
+        f"Where the errors of sag and frequency are within {words.percent(CLOSE)} of the rod's, a frame takes "
+        f"{'; '.join(parts)}{suspect}.",
         numbers, True,
     )  # fmt: skip
 

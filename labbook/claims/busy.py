@@ -20,7 +20,7 @@ def busy(results: Results) -> Claim:
     for source in results.everyone:
         measured = measured or points(source.measures)
     if not measured:
-        return Claim("What another program costs threads was not measured.")
+        return Claim("The effect of another program on threads was not measured.")
     parts, numbers = [], {}
     for kind, name in NAMES.items():
         of_kind = [p for p in measured if p.beside == kind]

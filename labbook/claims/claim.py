@@ -119,7 +119,7 @@ def threads_at(results: Results, end: int) -> Claim:
         elif verdict < 0:
             parts.append(f"a step with {word} threads takes {percent(ratio)} of the time of 1x{suspect}")
         elif too_few(more, base):
-            parts.append(f"of {word} threads there are too few repeats to tell them from 1x{suspect}")
+            parts.append(f"there are too few repeats to distinguish {word} threads from 1x{suspect}")
         else:
             same.append(word + suspect)
     if same:
@@ -170,7 +170,7 @@ def region_cost(results: Results) -> Claim:
     cores = source.machine.record.get("cores") if source else None
     known = {int(threads): cost for threads, cost in costs.items()}
     if source is None or not cores or cores not in known or len(known) < 2 or max(known) <= cores:
-        return Claim("What an empty parallel region costs was not measured.")
+        return Claim("The cost of an empty parallel region was not measured.")
     most = max(known)
     layer, policy = source.threading
     text = (
@@ -218,7 +218,7 @@ def float64_cost(source: Source | None, backend: str, word: str | None) -> Claim
     start = f"{on(source, backend)}, at"
     if apart(double, single) == 0:
         differ = (
-            "there are too few repeats to tell float64 from float32"
+            "there are too few repeats to distinguish float64 from float32"
             if too_few(double, single)
             else "float64 and float32 differ by no more than measurement noise"
         )
@@ -251,7 +251,7 @@ def gpu_flat(results: Results) -> Claim:
     factor = flat.particles / curve[0].particles
     text = (
         f"{on_gpu(source)}, a step takes {seconds(curve[0].median)} at {masses(curve[0].particles)} and "
-        f"{seconds(flat.median)} at {times(factor)} as many: so far, launching and waiting decide, not the masses."
+        f"{seconds(flat.median)} at {times(factor)} as many: up to this size, launching and waiting dominate."
     )
     return Claim(text, numbers, True)
 
@@ -276,7 +276,7 @@ def launch_cost(results: Results) -> Claim:
     source = results.with_gpu()
     cost = source.machine.record.get("gpu_launch_seconds") if source else None
     if source is None or not cost:
-        return Claim("What one launch costs was not measured.")
+        return Claim("The cost of a launch was not measured.")
     return Claim(f"{on_gpu(source)}, even an empty launch costs {seconds(cost, 2)}.", {"seconds": cost}, True)
 
 

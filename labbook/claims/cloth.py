@@ -24,7 +24,7 @@ def discretisation(results: Results) -> Claim:
                 f"{exact[0]}), with alternating ones {words.times(ratios[1])} (exact: {exact[1]}).",
                 {"one": one, "alternating": both, "ratio one": ratios[0], "ratio alternating": ratios[1]}, one > both,
             )  # fmt: skip
-    return Claim("What the way of cutting a sheet into triangles does was not measured.")
+    return Claim("The effect of a sheet's diagonals was not measured.")
 
 
 CLAIMS: Claims = {"discretisation": discretisation}

@@ -41,7 +41,7 @@ def iterations_or_substeps(results: Results) -> Claim:
     counts = sorted({p.iterations or 0 for p in runs})
     sizes = sorted({p.dt for p in runs}, reverse=True)
     if len(counts) < 3 or len(sizes) < 2 or not all((sizes[0], n) in at for n in counts):
-        return Claim("What iterations of xpbd are worth to a whole motion was not measured.")
+        return Claim("The value of more xpbd iterations for a whole motion was not measured.")
     few, some, many = (at[sizes[0], n] for n in (counts[0], counts[-2], counts[-1]))
     same = abs(some.error / many.error - 1) < EQUAL
     text = (

@@ -82,7 +82,7 @@ def determinism_cost(results: Results) -> Claim:
                 f"{words.listed(texts)} ({size}, float32)"
             )
     if not parts:
-        return Claim("What determinism costs was not measured.")
+        return Claim("The cost of determinism was not measured.")
     return Claim(". ".join(parts) + ".", numbers, supported)
 
 
@@ -103,7 +103,7 @@ def _coloured(variants: dict[str, Cost], numbers: dict[str, float]) -> str:
     if "colours" not in variants:
         return ""
     numbers["gpu colours"] = variants["colours"].ratio
-    return f"; in four colours, which repeats, it {_compared(variants['colours'])} the gather"
+    return f"; in four colours, which is repeatable, it {_compared(variants['colours'])} the gather"
 
 
 # ---------------------------------------------------------------------- state, step size and length of a run
@@ -157,8 +157,8 @@ def run_length(results: Results) -> Claim:
                 texts.append(f"{number(ratio, 2)} for {words.seconds(steps * LENGTH_DT, 2)}")
             parts.append(f"at {words.masses(rows * rows)}, {words.listed(texts)}")
         text = (
-            f"{on_gpu(source)} over the {source.processor}, one run from the start state to the end state on the host is so "
-            f"many times as fast, by its simulated time: {'; '.join(parts)}."
+            f"{on_gpu(source)} over the {source.processor}, one run from the start state to the end state on the host has "
+            f"these speed-ups, by its simulated time: {'; '.join(parts)}."
         )
         return Claim(text, numbers, True)
     return Claim("How the speed-up depends on the length of a run was not measured.")

@@ -84,8 +84,8 @@ def floor(results: Results) -> Claim:
         worse = worse and smallest.value > 2 * least.value
         parts.append(f"{number(least.value, 2)} spacings with {scheme}, at {seconds(least.dt, 2)}")
     if not parts:
-        return Claim("Where the error in float32 stops to fall was not measured.")
-    text = f"In float32 the least error on {SCENE} is {words.listed(parts)}"
+        return Claim("The smallest error in float32 was not measured.")
+    text = f"In float32 the smallest error on {SCENE} is {words.listed(parts)}"
     if not worse:
         return Claim(f"{text}; no rise at smaller steps was seen.", numbers, False)
     return Claim(f"{text}; still smaller steps make it worse, because each of them rounds once more.", numbers, True)
@@ -127,7 +127,7 @@ def dissipation(results: Results) -> Claim:
     """Change of an undamped oscillation by each integrator, compared with theory."""
     _, measured = of_finding(results, DISSIPATION)
     if not measured:
-        return Claim("What a step damps by itself was not measured.")
+        return Claim("The numerical damping of the steps was not measured.")
     off = max(
         (abs(row.value - theory(row.scheme, row.dt)) for row in measured if abs(row.value) <= NOTHING), default=0.0
     )
@@ -150,7 +150,7 @@ def dissipation(results: Results) -> Claim:
     neutral = f"{words.listed(none)} keep it to rounding" if none else ""
     text = "; ".join(filter(None, (start, neutral)))
     agree = relative < 1e-2
-    verdict = "as the eigenvalues of a step say" if agree else "which is not what the eigenvalues of a step say"
+    verdict = "as the eigenvalues of a step predict" if agree else "which is not what the eigenvalues of a step predict"
     return Claim(f"{text}, {verdict} (to {number(relative, 1)} of it).", numbers, agree)
 
 
@@ -172,7 +172,7 @@ def exact_cost(results: Results) -> Claim:
         else:
             parts.append(f"no longer beyond measurement noise on {where} ({words.masses(fast.particles)})")
     if not parts:
-        return Claim("What exact math costs was not measured.")
+        return Claim("The cost of exact math was not measured.")
     return Claim(f"A step of velocity Verlet in exact math takes {words.listed(parts)}.", numbers, supported)
 
 
@@ -180,7 +180,7 @@ def growth(results: Results) -> Claim:
     """Growth of a disturbance up to the end time, which decides whether errors of trajectories have a meaning."""
     known = [p.growth for p in quoted_points(results) if p.growth is not None]
     if not known:
-        return Claim("How much a disturbance grows was not measured.")
+        return Claim("The growth of a disturbance was not measured.")
     text = f"By the end of {SCENE} a disturbance of a billionth of a spacing has changed by a factor of {number(known[0], 2)}"
     if known[0] <= 1:
         return Claim(f"{text}: the motion forgets it, and errors keep their meaning.", {"growth": known[0]}, True)

@@ -127,9 +127,7 @@ def far(results: Results) -> Claim:
             parts.append(f"{number(max(values), 2)} units in the last place with {integrator}")
     if not parts:
         return Claim("Chains far from the origin were not run in float32.")
-    text = (
-        f"A chain let go far from the origin ends, in float32, at most {words.listed(parts)} from its run at the origin"
-    )
+    text = f"A chain released far from the origin ends, in float32, at most {words.listed(parts)} from its run at the origin"
     if "lab" in numbers and numbers["lab"] > numbers.get("velocity-verlet", 0.0):
         text += ": the hand-out takes its velocity from two rounded positions, the others store it"
     return Claim(text + ".", numbers, True)
@@ -158,7 +156,7 @@ def denormal(results: Results) -> Claim:
         if value is not None:
             ratios[row.backend] = max(value, ratios.get(row.backend, 0.0))
     if not ratios:
-        return Claim("What denormal numbers cost was not measured.")
+        return Claim("The cost of denormal numbers was not measured.")
     parts = [f"{number(value, 2)} on the {backend.upper()}" for backend, value in ratios.items()]
     over = [f"on the {backend.upper()}" for backend, value in ratios.items() if value > SLOW_DOWN]
     verdict = f"; {words.listed(over)} that is more than" if over else ", within"

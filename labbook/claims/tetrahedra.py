@@ -79,7 +79,7 @@ def mesh(results: Results) -> Claim:
                 "five to a voxel, because a linear tetrahedron cannot bend.",
                 {str(n): error for n, error in off.items()}, True,
             )  # fmt: skip
-    return Claim("What a coarse mesh costs was not measured.")
+    return Claim("The error of coarse meshes was not measured.")
 
 
 def budget(results: Results) -> Claim:
@@ -105,7 +105,7 @@ def budget(results: Results) -> Claim:
         if texts:
             parts.append(f"on {where(backend, source)}, {_count(measured)}, {words.listed(texts)}")
     if not parts:
-        return Claim("What a small error of the solver costs was not measured.")
+        return Claim("The cost of a small solver error was not measured.")
     return Claim(
         f"For a motion within {words.percent(ENOUGH)} of the exact one, half a vibration after release, a position-based "
         f"frame takes, {'; '.join(parts)}.",

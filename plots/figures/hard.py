@@ -14,7 +14,7 @@ from softlab.plots.core.colours import BLUE, GREEN, GREY, ORANGE, SKY, VERMILLIO
 from softlab.plots.core.data import Results, Source, judgements
 from softlab.plots.core.style import Drawing, legend_below, new_sheet
 
-STATES_TITLE = "What the hard cases end in"
+STATES_TITLE = "Final states of the hard cases"
 VERDICTS_TITLE = "Verdicts of the hard cases"
 ACROSS = 6  # panels per row of the contact sheet
 PANEL = 1.2  # inch: height of a panel

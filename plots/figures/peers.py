@@ -16,8 +16,8 @@ from softlab.plots.core.colours import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE,
 from softlab.plots.core.data import Results, Source
 from softlab.plots.core.style import Curve, Drawing, draw_band, legend_below, log_axes, new_figure, plain_ticks
 
-TITLE = "Side by side with what could be used instead"
-SHEETS_TITLE = "Cloth side by side with what could be used instead"
+TITLE = "Other programs side by side"
+SHEETS_TITLE = "Cloth: other programs side by side"
 PRECISION = "float32"
 STYLES = (
     (BLUE, "o"), (ORANGE, "s"), (GREEN, "D"), (VERMILLION, "^"), (PURPLE, "v"), (SKY, "P"), (BLUE, "X"), (ORANGE, "*"),

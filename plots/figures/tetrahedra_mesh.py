@@ -10,7 +10,7 @@ from softlab.plots.core.colours import BLACK, BLUE, GREY, METHODS, ORANGE, VERMI
 from softlab.plots.core.data import Results, judgements
 from softlab.plots.core.style import Drawing, legend_below, new_figure, plain_ticks
 
-TITLE = "What meshes and steps do by themselves"
+TITLE = "Errors of meshes and steps alone"
 MARKERS = {5: ("o", "-"), 6: ("s", ":")}
 RATIOS = {0.3: BLUE, 0.45: ORANGE, 0.499: VERMILLION}
 SOLVERS = {
@@ -33,8 +33,9 @@ def draw(results: Results) -> Drawing | str:
     legend_below(figure, [left, right], columns=3)
     caption = (
         "Left: the sag of a clamped bar under a tip load, solved to the end on its mesh, over the continuum's (grey), by "
-        "voxels across; five tetrahedra to a voxel (solid) and six (dotted). Right: what a swing of the bar that nothing "
-        "damps loses of its amplitude, by the substep, and what the laws of implicit Euler and of order 2 say (dashed); with "
+        "voxels across; five tetrahedra to a voxel (solid) and six (dotted). Right: the loss of amplitude of an "
+        "undamped oscillation of the bar, against the substep, and the laws of implicit Euler and of order 2 "
+        "(dashed); with "
         "too little to do a position-based bar is softer, swings slower and loses less. float64."
     )
     return Drawing(figure, TITLE, caption, sources)

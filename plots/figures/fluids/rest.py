@@ -25,7 +25,7 @@ from softlab.plots.core.data import Results, Source
 from softlab.plots.core.style import LONG_LABEL, Drawing, legend_below, new_grid, plain_ticks
 
 TITLE = "Fluids at rest"
-MISSING = "fluids at rest were not watched: softlab fluids --rest"
+MISSING = "fluids at rest were not measured: softlab fluids --rest"
 COLOURS = dict(zip(SUBSTEPS, (BLUE, GREEN, ORANGE, VERMILLION, PURPLE), strict=True))
 LABELS = (("", "tank: rms / √(g H)"), ("", "tank: gain / g H"), ("time / s", "box: rms / √(g H)"))
 CAPTION = (
