@@ -13,6 +13,7 @@ from softlab.model.tables.colliders.surface_collider import SurfaceCollider, nam
 
 SLOWED = 1e-4  # of all moves of particles in substeps: no mean of a fluid shows fewer
 
+
 def body_lines(scene: Scene) -> list[str]:
     """Return lines about the meshes of a scene's bodies: how each body was built, and its mass, once for all its
     copies."""

@@ -105,8 +105,8 @@ def float32_floor(results: Results) -> Claim:
     if single.error < 2 * double.error:
         return Claim("At these step sizes, float32 and float64 reach about the same error.", numbers, False)
     text = (
-        f"The least error that rk4 reaches in float32 is {number(single.error, 2)} spacings, against "
-        f"{number(double.error, 2)} in float64: below that, rounding decides."
+        f"The smallest error of rk4 in float32 is {number(single.error, 2)} spacings, against "
+        f"{number(double.error, 2)} in float64: below that, rounding dominates."
     )
     return Claim(text, numbers, True)
 
@@ -121,7 +121,7 @@ def fastest(results: Results, target: float = 1e-3) -> Claim:
     other = next((p for p in able if p.integrator != best.integrator), None)
     text = (
         f"On the {named(source, best.backend)}, {at[0].lower()}{at[1:]} is reached fastest by {best.name}: "
-        f"{seconds(best.seconds or 0.0)} of wall time a simulated second{suspicion([best], MARK)}"
+        f"{seconds(best.seconds or 0.0)} of wall time per simulated second{suspicion([best], MARK)}"
     )
     numbers = {"seconds": best.seconds or 0.0, "error": best.error}
     if other is None:
@@ -189,7 +189,7 @@ def families(results: Results, scene: str = "S4", target: float = 1e-1) -> Claim
         for name, point in fastest.items()
         if point is not best
     ]
-    others += [f"{name} methods do not get there" for name in FAMILIES if name not in fastest]
+    others += [f"{name} methods do not reach it" for name in FAMILIES if name not in fastest]
     reached = f"an error of {number(target, 1)} spacings in {scene} is reached fastest by {best.name}"
     text = f"On {_machines(source)}, {reached}{suspicion([best], MARK)}; {words.listed(others)}."
     return Claim(text, numbers, True)

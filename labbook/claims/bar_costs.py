@@ -14,7 +14,7 @@ from softlab.plots.figures.bar_costs import on
 CLAIMS = Claims()
 
 
-@CLAIMS.add("bar-costs", "What the bar costs by each method was not measured.")
+@CLAIMS.add("bar-costs", "The cost of the bar by each method was not measured.")
 def costs_of(results: Results) -> Claim:
     """Time of a frame of each method that is CLOSE to the rod, at the fewest such substeps; and the methods that never
     are.

@@ -83,7 +83,7 @@ def springs(results: Results) -> Claim:
     return Claim(text, {"mass-spring": forces, "xpbd": positions}, max(forces, positions) < NEAR)
 
 
-@CLAIMS.add("bar-iterations", "One iteration of XPBD a substep was not measured on the bar.")
+@CLAIMS.add("bar-iterations", "XPBD with one iteration per substep was not measured on the bar.")
 def iterations(results: Results) -> Claim:
     """Error of XPBD with one iteration, which transmits a load by one mass only.
 
@@ -100,13 +100,13 @@ def iterations(results: Results) -> Claim:
         "converged": right.values[SAG] / chain_sag(right.fine) if right and SAG in right.values else 1.0,
     }  # fmt: skip
     text = (
-        f"With one iteration a substep, XPBD sags {words.times(numbers['few'])} as far as its springs should at "
+        f"With one iteration per substep, XPBD sags {words.times(numbers['few'])} as far as its springs should at "
         f"{substeps_of(worst)} a frame, and with converged iterations {number(numbers['converged'], 3)} times; at "
         f"{FINEST} substeps one iteration leaves it {percent(_sag(few, FINEST) - 1)} too soft with {SOME_LINKS} masses, "
         f"and {percent(numbers['fine'] - 1)} with {finest.fine}"
     )
     grows = numbers["few"] > 1.1 and numbers["fine"] > _sag(few, FINEST)
-    reason = ": an iteration carries a load on by a mass or a colour, so that a finer bar asks for more of them."
+    reason = ": an iteration passes a load on by one mass or colour, so that a finer bar needs more of them."
     return Claim(text + (reason if grows else "."), numbers, grows)
 
 
@@ -137,12 +137,12 @@ def windows(results: Results) -> Claim:
     numbers = {"sag": max(sags), "frequency": max(swings), "largest": large.part(SAG) or 0.0}
     text = (
         f"Shape matching is the linear system of its clusters: sags agree with it to {number(max(sags), 1)}, frequencies to "
-        f"{number(max(swings), 1)}, as the swing is not quite one mode of theirs"
+        f"{number(max(swings), 1)}, because the oscillation is not exactly one of their modes"
     )
     if small and large.size > 1:
         numbers["smallest"] = small.part(SAG) or 0.0
         text += (
-            ". All windows are as stiff in a long, even stretch, but those that an end cuts off are softer: with "
+            ". All windows are equally stiff in a long, uniform stretch, but those cut off by an end are softer: with "
             f"{large.fine} masses and {substeps_of(large)} windows of {_window(small)} sag by "
             f"{number(numbers['smallest'])} times what a rod does, of {_window(large)} by {number(numbers['largest'])}"
         )
@@ -166,10 +166,11 @@ def shear(results: Results) -> Claim:
     numbers = {"springs": least / LENGTH, "clusters": clusters.part(ACROSS) or 0.0}
     clear = numbers["springs"] > 0.9 and numbers["clusters"] < 2
     text = (
-        f"Held at its left side, under an acceleration of {number(WEIGHT, 1)} m/s², the strip of springs ends hanging down "
-        f"from there, its end {percent(least / LENGTH)} of its length lower, under mass-spring and XPBD alike: nothing in it "
-        f"resists shear, whatever the load. The one of clusters bends by {percent(clusters.values[ACROSS] / LENGTH)} of its "
-        f"length, {number(numbers['clusters'])} times a beam of the same material."
+        f"Held at its left side, under an acceleration of {number(WEIGHT, 1)} m/s², the strip of springs hangs straight "
+        f"down, its end {percent(least / LENGTH)} of its length lower, under mass-spring and XPBD alike: it has no "
+        f"resistance to shear, whatever the load. The strip of clusters bends by "
+        f"{percent(clusters.values[ACROSS] / LENGTH)} of its length, "
+        f"{number(numbers['clusters'])} times a beam of the same material."
     )
     return Claim(text, numbers, clear)
 
@@ -205,8 +206,9 @@ def overlap(results: Results) -> Claim:
     stiffer = (by_size[-1].values[LEVER_ARM] / by_size[0].values[LEVER_ARM]) ** 2
     numbers = {f"{bar.size:g}": bar.part(FREQUENCY) or 0.0 for bar in by_size} | {"stiffer": stiffer}
     return Claim(
-        "A cluster stiffness is no material: in even stretch the bar is as stiff as that times the mean square of the "
-        f"offsets in its clusters, {words.times(stiffer)} as much at an overlap of {number(by_size[-1].size, 2)} as at "
+        "A cluster stiffness is not a material constant: in uniform stretch the bar's stiffness is that times the "
+        f"mean square of the offsets in its clusters, {words.times(stiffer)} as much at an overlap of "
+        f"{number(by_size[-1].size, 2)} as at "
         f"{number(by_size[0].size, 2)}. After division by this, it swings at {words.listed(parts)} of a rod's frequency.",
         numbers, abs(numbers.get(f"{SOME_OVERLAP:g}", 0.0) - 1) < 0.05,
     )  # fmt: skip

@@ -37,7 +37,7 @@ def spin(results: Results) -> Claim:
     parts = [f"{percent(bar.values[ANGULAR_MOMENTUM])} at {substeps_of(bar)} a frame" for bar in rows]
     return Claim(
         f"A rigid body that turns once a second keeps, after {seconds(SECONDS[SPIN], 1)}, {words.listed(parts)} of its spin. "
-        f"Newton's law keeps all of it; the loss agrees with the law of the method to {number(off, 1)}.",
+        f"Newton's law conserves all of it; the loss agrees with the law of the method to {number(off, 1)}.",
         {"off": off, "kept": rows[-1].values[ANGULAR_MOMENTUM]}, off < EQUAL,
     )  # fmt: skip
 
@@ -66,6 +66,6 @@ def rest(results: Results) -> Claim:
         f"the drop's; less than {number(STILL, 1)} counts as rest"
     )
     if 0 < len(still) < len(rows):
-        text += ": nothing in that scene damps but friction and the step itself, and smaller steps damp less"
+        text += ": only friction and the step itself damp in that scene, and smaller steps damp less"
     numbers = {str(bar.substeps): bar.values[ENERGY] for bar in rows}
     return Claim(text + ".", numbers, bool(still))

@@ -15,7 +15,7 @@ NAMES = {
 }
 
 
-@CLAIMS.add("busy", "What another program costs threads was not measured.")
+@CLAIMS.add("busy", "The effect of another program on threads was not measured.")
 def busy(results: Results) -> Claim:
     """Largest ratio of a step's time on all threads to that on one, for each kind of other program."""
     _, measured = needed(results.first_with(lambda source: points(source.measures)))

@@ -146,7 +146,7 @@ def threads_at(results: Results, end: int) -> Claim:
         elif verdict < 0:
             parts.append(f"a step with {word} threads takes {percent(ratio)} of the time of 1x{suspect}")
         elif too_few(more, base):
-            parts.append(f"of {word} threads there are too few repeats to tell them from 1x{suspect}")
+            parts.append(f"there are too few repeats to distinguish {word} threads from 1x{suspect}")
         else:
             same.append(word + suspect)
     if same:
@@ -248,7 +248,7 @@ def float64_cost(results: Results, backend: str) -> Claim:
     start = f"{on(source, backend)}, at"
     if apart(double, single) == 0:
         differ = (
-            "there are too few repeats to tell float64 from float32"
+            "there are too few repeats to distinguish float64 from float32"
             if too_few(double, single)
             else "float64 and float32 differ by no more than measurement noise"
         )
@@ -282,7 +282,7 @@ def gpu_flat(results: Results) -> Claim:
     factor = flat.particles / curve[0].particles
     text = (
         f"{on_gpu(source)}, a step takes {seconds(curve[0].median)} at {masses(curve[0].particles)} and "
-        f"{seconds(flat.median)} at {times(factor)} as many: so far, launching and waiting decide, not the masses."
+        f"{seconds(flat.median)} at {times(factor)} as many: up to this size, launching and waiting dominate."
     )
     return Claim(text, numbers, True)
 
@@ -300,7 +300,7 @@ def gpu_growth(results: Results) -> Claim:
     return Claim(text, {"masses": more, "time": longer}, apart(right, left) > 0)
 
 
-@CLAIMS.add("launch-cost", "What one launch costs was not measured.")
+@CLAIMS.add("launch-cost", "The cost of a launch was not measured.")
 def launch_cost(results: Results) -> Claim:
     """Cost of one launch from Python on the GPU's machine."""
     source = needed(results.with_gpu())

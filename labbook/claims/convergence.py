@@ -33,7 +33,7 @@ def _ordering_runs(results: Results, name: str) -> list[Point]:
     return []
 
 
-@CLAIMS.add("xpbd-iterations", "What iterations of xpbd are worth to a whole motion was not measured.")
+@CLAIMS.add("xpbd-iterations", "The value of more xpbd iterations for a whole motion was not measured.")
 def iterations_or_substeps(results: Results) -> Claim:
     """Effect of more iterations and of smaller steps on the error against Newton's law."""
     runs = _ordering_runs(results, XPBD[0])

@@ -39,7 +39,7 @@ def check_cost(results: Results) -> Claim:
     return Claim(f"A check costs at most {words.listed(parts)}: {verdict}.", numbers, cheap and not busy)
 
 
-@CLAIMS.add("determinism-cost", "What determinism costs was not measured.")
+@CLAIMS.add("determinism-cost", "The cost of determinism was not measured.")
 def determinism_cost(results: Results) -> Claim:
     """Gather compared with scatter by atomics on the GPU, and with its alternatives on the CPU.
 
@@ -102,7 +102,7 @@ def _coloured(variants: dict[str, Cost], numbers: dict[str, float]) -> str:
     if "colours" not in variants:
         return ""
     numbers["gpu colours"] = variants["colours"].ratio
-    return f"; in four colours, which repeats, it {_compared(variants['colours'])} the gather"
+    return f"; in four colours, which is repeatable, it {_compared(variants['colours'])} the gather"
 
 
 # ---------------------------------------------------------------------- state, step size and length of a run
@@ -152,7 +152,7 @@ def run_length(results: Results) -> Claim:
             texts.append(f"{number(ratio, 2)} for {words.seconds(steps * LENGTH_DT, 2)}")
         parts.append(f"at {words.masses(rows * rows)}, {words.listed(texts)}")
     text = (
-        f"{on_gpu(source)} over the {source.processor}, one run from the start state to the end state on the host is so "
-        f"many times as fast, by its simulated time: {'; '.join(parts)}."
+        f"{on_gpu(source)} over the {source.processor}, one run from the start state to the end state on the host has "
+        f"these speed-ups, by its simulated time: {'; '.join(parts)}."
     )
     return Claim(text, numbers, True)

@@ -70,7 +70,7 @@ def _least(rows: Sequence[Row], scheme: str, precision: str) -> Row | None:
     return min(finite, key=lambda row: row.value, default=None)
 
 
-@CLAIMS.add("float32-least", "Where the error in float32 stops to fall was not measured.")
+@CLAIMS.add("float32-least", "The smallest error in float32 was not measured.")
 def floor(results: Results) -> Claim:
     """Smallest error in float32, and the increase of the error at smaller steps."""
     _, measured = of_finding(results, FLOOR)
@@ -122,7 +122,7 @@ def _frequency() -> float:
     return float((scene.springs.stiffness / scene.grid.mass) ** 0.5)
 
 
-@CLAIMS.add("dissipation", "What a step damps by itself was not measured.")
+@CLAIMS.add("dissipation", "The numerical damping of the steps was not measured.")
 def dissipation(results: Results) -> Claim:
     """Change of an undamped oscillation by each integrator, compared with theory."""
     measured = needed(of_finding(results, DISSIPATION)[1])
@@ -148,7 +148,7 @@ def dissipation(results: Results) -> Claim:
     neutral = f"{words.listed(none)} keep it to rounding" if none else ""
     text = "; ".join(filter(None, (start, neutral)))
     agree = relative < 1e-2
-    verdict = "as the eigenvalues of a step say" if agree else "which is not what the eigenvalues of a step say"
+    verdict = "as the eigenvalues of a step predict" if agree else "which is not what the eigenvalues of a step predict"
     return Claim(f"{text}, {verdict} (to {number(relative, 1)} of it).", numbers, agree)
 
 
@@ -156,7 +156,7 @@ def _changes(gain: float) -> str:
     return "grows" if gain > 0 else "shrinks"
 
 
-@CLAIMS.add("exact-cost", "What exact math costs was not measured.")
+@CLAIMS.add("exact-cost", "The cost of exact math was not measured.")
 def exact_cost(results: Results) -> Claim:
     """Time of a step in exact math over that in fast math, by backend, in float32 at the largest size."""
     parts, numbers, supported = [], {}, False
@@ -173,7 +173,7 @@ def exact_cost(results: Results) -> Claim:
     return Claim(f"A step of velocity Verlet in exact math takes {words.listed(needed(parts))}.", numbers, supported)
 
 
-@CLAIMS.add("growth", "How much a disturbance grows was not measured.")
+@CLAIMS.add("growth", "The growth of a disturbance was not measured.")
 def growth(results: Results) -> Claim:
     """Growth of a disturbance up to the end time, which decides whether errors of trajectories have a meaning."""
     factor, *_ = needed([p.growth for p in quoted_points(results) if p.growth is not None])

@@ -64,7 +64,7 @@ def column(results: Results) -> Claim:
         numbers |= {f"{r.who} height": 1 + r.numbers[laws.HEIGHT] for r in few}
         heights = [f"{1 + r.numbers[laws.HEIGHT]:.2f} by {r.who}" for r in few]
         parts.append(
-            f"with {few[0].effort}, as particle libraries have it, the column is {words.listed(heights)} of its height"
+            f"with {few[0].effort}, which is usual in particle libraries, its relative height is {words.listed(heights)}"
         )
     text = f"A column should keep {BOUND_WORDS}, all at once"
     busy = SUSPECT if any(r.suspect for r in able[:1]) else ""
@@ -105,7 +105,7 @@ def dam(results: Results) -> Claim:
             for r in others
         ]
         numbers |= {r.who: r.numbers[laws.FRONT] for r in others}
-        text += f" Other programs have the same trouble: {words.listed(errors)}."
+        text += f" Other programs have similar errors: {words.listed(errors)}."
     return Claim(text, numbers, best.numbers[laws.FRONT_LATER] <= best.numbers[laws.FRONT])
 
 
@@ -126,8 +126,9 @@ def viscosity(results: Results) -> Claim:
         parts.append(f"{numbers[who]:.2g} m²/s by {who}{more}")
     fine = min(runs, key=lambda r: r.spacing)
     text = (
-        f"Asked for none, vortices in a box of a metre at 1 m/s meet a viscosity of {words.listed(parts)}, with particles "
-        f"{100 * fine.spacing:g} cm apart: syrup, not water."
+        "In a fluid without viscosity, vortices in a box of a metre at 1 m/s decay as with a viscosity of "
+        f"{words.listed(parts)}, with particles "
+        f"{100 * fine.spacing:g} cm apart, far more than that of water."
     )
     return Claim(text, numbers, True)
 
@@ -142,10 +143,11 @@ def drop(results: Results) -> Claim:
     larger = (large.particles / small.particles) ** (1 / 3)
     ratio = large.numbers[laws.INSIDE] / small.numbers[laws.INSIDE]
     text = (
-        f"A drop becomes a ball (its longest axis {max(r.numbers[laws.ASPECT] for r in series):.3f} times its shortest), but "
-        "cohesion is no surface tension in newtons a metre: by Laplace's law the pressure in a drop "
-        f"{larger:.2g} times as wide is {1 / larger:.2g} of that in the small one, and {ratio:.2g} was found. It is how hard "
-        "particles pull one another, at any radius."
+        f"A drop becomes a ball (its longest axis {max(r.numbers[laws.ASPECT] for r in series):.3f} times its "
+        "shortest), but cohesion is not a surface tension in newtons per metre: by Laplace's law the pressure in a "
+        "drop "
+        f"{larger:.2g} times as wide is {1 / larger:.2g} of that in the small one, and {ratio:.2g} was measured. It is "
+        "an attraction between particles, whatever the radius."
     )
     return Claim(text, {"ratio": ratio, "law": 1 / larger}, ratio > 1 / larger)
 

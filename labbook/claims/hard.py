@@ -131,7 +131,7 @@ def far(results: Results) -> Claim:
             numbers[integrator] = max(values)
             parts.append(f"{number(max(values), 2)} units in the last place with {integrator}")
     off = words.listed(needed(parts))
-    text = f"A chain let go far from the origin ends, in float32, at most {off} from its run at the origin"
+    text = f"A chain released far from the origin ends, in float32, at most {off} from its run at the origin"
     if "lab" in numbers and numbers["lab"] > numbers.get("velocity-verlet", 0.0):
         text += ": the hand-out takes its velocity from two rounded positions, the others store it"
     return Claim(text + ".", numbers, True)
@@ -150,7 +150,7 @@ def collapsed(results: Results) -> Claim:
     return Claim(text + ".", {"runs": float(len(away)), "home": float(home), "farthest": max(away)}, True)
 
 
-@CLAIMS.add("hard-denormals", "What denormal numbers cost was not measured.")
+@CLAIMS.add("hard-denormals", "The cost of denormal numbers was not measured.")
 def denormal(results: Results) -> Claim:
     """B15: cost of denormal numbers."""
     rows = [r for r in verdict_rows(results) if r.case == "B15"]

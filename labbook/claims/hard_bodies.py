@@ -56,7 +56,8 @@ def spin(results: Results) -> Claim:
     text = (
         f"A rigid body that turns once a second keeps of its spin, after {seconds(SECONDS[SPIN], 1)}, {words.listed(parts)} "
         f"substeps a frame. This agrees with the law of the method, by which these rows are judged, to {number(off, 1)}. "
-        f"Newton's law keeps all of it: with {_substeps(last)} substeps the body is {number(by_case[last][2], 2)} spacings "
+        f"Newton's law conserves all of it: with {_substeps(last)} substeps the body is {number(by_case[last][2], 2)} "
+        "spacings "
         "from where that law puts it."
     )
     numbers = {"off": off, "kept": by_case[last][0]}
@@ -85,7 +86,7 @@ def shapes(results: Results) -> Claim:
     worst = max(measured_value(row, OUT_OF_SHAPE) or 0.0 for row in needed(rows))
     starts = len({row.case for row in rows})
     return Claim(
-        "A jelly that was squashed flat, onto a line or into a point, mirrored or turned inside out finds its shape again, "
-        f"in {count(len(rows))} runs of {count(starts)} such starts to {percent(worst)} of a spacing.",
+        "A jelly that was squashed flat, onto a line or into a point, mirrored or turned inside out recovers its "
+        f"shape, in {count(len(rows))} runs of {count(starts)} such starts to {percent(worst)} of a spacing.",
         {"worst": worst, "runs": float(len(rows))}, all(row.verdict == "pass" for row in rows),
     )  # fmt: skip

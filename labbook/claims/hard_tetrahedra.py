@@ -38,8 +38,8 @@ def laws(results: Results) -> Claim:
     if ratios and off:
         numbers |= {"ratio": min(ratios), "stretch": max(off)}
         parts.append(
-            f"a cube flattened, turned inside out or with its vertices anywhere has within {seconds(RECOVERY, 1)} "
-            f"{'every' if min(ratios) > 0 else 'not every'} tetrahedron right side out again, stretches within "
+            f"a cube that was flattened, inverted or given random vertices has within {seconds(RECOVERY, 1)} "
+            f"{'every' if min(ratios) > 0 else 'not every'} tetrahedron positively oriented again, stretches within "
             f"{percent(max(off))} of 1, in {count(len(ratios))} runs"
         )
     lost = _values([row for row in rows if row.case == SQUASHED], SQUASHED, VOLUME)
@@ -53,7 +53,7 @@ def laws(results: Results) -> Claim:
     if most:
         numbers["energy"] = max(most)
         parts.append(
-            f"a stiff bar with one iteration a frame never has more than {percent(max(most))} of the energy it began with"
+            f"a stiff bar with one iteration per frame never has more than {percent(max(most))} of the energy it began with"
         )
     text = "; ".join(needed(parts))
     return Claim(f"{text[0].upper()}{text[1:]}.", numbers, all(row.verdict in ("pass", "known") for row in rows))

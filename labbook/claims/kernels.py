@@ -137,7 +137,7 @@ def crowded(results: Results, kernel: str, against: str | None = None) -> Claim:
     if verdict == 0:
         differs = f"which differs from {name} by no more than measurement noise"
         if too_few(packed, base):
-            differs = f"but there are too few repeats to tell that from {name}"
+            differs = f"but there are too few repeats to distinguish that from {name}"
         return Claim(f"{at} {seconds(packed.median)}, {differs}{suspect}.", numbers, False)
     factor = f"{times(ratio)} as long as" if verdict > 0 else f"{percent(ratio)} of what it takes"
     return Claim(f"{at} {seconds(packed.median)}, {factor} {name}{suspect}.", numbers, True)
@@ -158,9 +158,9 @@ def policies(results: Results) -> Claim:
         f"{seconds(sleep[many], 2)}. "
     )
     if few_times > 1 and many_times > 1:
-        text += "Spinning is quicker as long as each thread has a core, and slower once they share them."
+        text += "Spinning is faster as long as each thread has a core, and slower once they share them."
     elif few_times > 1:
-        text += "Spinning is the quicker of the two in both cases here."
+        text += "Spinning is the faster of the two in both cases here."
     else:
         text += "Sleeping is not the slower of the two here even where each thread has a core."
     numbers = {"spin few": spin[cores], "sleep few": sleep[cores], "spin many": spin[many], "sleep many": sleep[many]}

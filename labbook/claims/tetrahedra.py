@@ -69,7 +69,7 @@ def usual(results: Results) -> Claim:
     return Claim(text, {f"{young:g}": ratio for young, ratio in ratios.items()}, True)
 
 
-@CLAIMS.add("tetrahedra-mesh", "What a coarse mesh costs was not measured.")
+@CLAIMS.add("tetrahedra-mesh", "The error of coarse meshes was not measured.")
 def mesh(results: Results) -> Claim:
     """Mesh error of all meshes that were measured."""
     _, measured = needed(results.first_with(lambda source: bars(source.measures)))
@@ -82,7 +82,7 @@ def mesh(results: Results) -> Claim:
     return Claim(text, {str(n): error for n, error in off.items()}, True)
 
 
-@CLAIMS.add("tetrahedra-budget", "What a small error of the solver costs was not measured.")
+@CLAIMS.add("tetrahedra-budget", "The cost of a small solver error was not measured.")
 def budget(results: Results) -> Claim:
     """Time of a frame within ENOUGH in motion, by the fastest position-based setting and by the fastest other solver."""
     parts, numbers = list[str](), dict[str, float]()

@@ -35,7 +35,7 @@ def hard_rows(results: Results) -> tuple[list[HardRow], tuple[Source, ...]]:
 NOT_RUN = "the hard cases were not run"
 
 
-@as_figure("hard-states", "What the hard cases end in", NOT_RUN)
+@as_figure("hard-states", "Final states of the hard cases", NOT_RUN)
 def draw_states(results: Results) -> Drawing:
     """Return the contact sheet, or the reason why there is none."""
     rows, sources = hard_rows(results)

@@ -43,7 +43,7 @@ def square_ratios(source: Source, backend: str, scene: str = "grid") -> list[Rat
     return [r for r in source.peers if (r.scene, r.backend, r.precision) == wanted and r.rows == r.columns]
 
 
-@as_figure("peers", "Side by side with what could be used instead")
+@as_figure("peers", "Other programs side by side")
 def draw(results: Results) -> Drawing:
     """Return the figure of the hand-out's grid, or the reason why there is none.
 
@@ -54,7 +54,7 @@ def draw(results: Results) -> Drawing:
     return _draw(panels, ("grid",), "square grids")
 
 
-@as_figure("peers-sheets", "Cloth side by side with what could be used instead")
+@as_figure("peers-sheets", "Cloth: other programs side by side")
 def draw_sheets(results: Results) -> Drawing:
     """Return the figure of cloth of springs and cloth by XPBD, like `draw`."""
     panels = [

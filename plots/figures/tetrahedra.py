@@ -74,9 +74,10 @@ def draw(results: Results) -> Drawing:
     legend_below(figure, rows[0], columns=2)
     caption = (
         f"A clamped bar of {measured[0].elements} tetrahedra under its own weight, which grows with Young's modulus, so that "
-        "all bars should sag alike, against the time of a frame of 1/60 s. Above: how far it hangs at rest from its exact "
-        "rest on the same mesh, over its sag. Below: the way that its tip has made half a vibration after it was let go, "
-        "from the exact one. Solid: float64, dotted: float32. Dashed: how far that exact rest is from the continuum's."
+        "all bars should sag alike, against the time of a frame of 1/60 s. Above: the difference of its sag at rest "
+        "from the exact one of the same mesh, over that sag. Below: the error of the displacement of its tip half a "
+        "vibration after release. Solid: float64, dotted: float32. Dashed: how far that exact rest is from the "
+        "continuum's."
         f"{f' Errors under {LEAST:g} are drawn there.' if clipped else ''}"
     )
     return Drawing(figure, caption, (source,))

@@ -81,9 +81,9 @@ def draw(results: Results) -> Drawing:
         plot(LINES[backend], color=GREY, label=name_of(backend, source))
     legend_below(figure, rows[0], columns=3)
     caption = (
-        "The clamped bar let go from its unloaded shape: how far the way of its tip after half a vibration is off the modes "
-        "of the same mesh, against the time of a frame of 1/60 s; of each solver the settings that no other of it is both "
-        f"quicker and nearer than, in either precision. Black: {WITHIN:.0%}."
+        "The clamped bar released from its unloaded shape: the difference of the displacement of its tip after half a "
+        "vibration from the modes of the same mesh, against the time of a frame of 1/60 s; for each solver the "
+        f"settings of its Pareto front, in either precision. Black: {WITHIN:.0%}."
         f"{f' Errors under {LEAST:g} are drawn there.' if any(abs(b.motion_error) < LEAST for b in measured) else ''}"
         f"{' *: with times of another version of the kernels than the other panels.' if other else ''}"
     )

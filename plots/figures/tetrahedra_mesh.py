@@ -20,7 +20,7 @@ SOLVERS = {
 }
 
 
-@as_figure("tetrahedra-mesh", "What meshes and steps do by themselves")
+@as_figure("tetrahedra-mesh", "Errors of meshes and steps alone")
 def draw(results: Results) -> Drawing:
     """Return the figure with meshes on the left and steps on the right, or the reason why there is none."""
     selected, sources = judgements(results, lambda measure: measure.description.get("finding") in (MESH, STEP))
@@ -32,8 +32,9 @@ def draw(results: Results) -> Drawing:
     legend_below(figure, [left, right], columns=3)
     caption = (
         "Left: the sag of a clamped bar under a tip load, solved to the end on its mesh, over the continuum's (grey), by "
-        "voxels across; five tetrahedra to a voxel (solid) and six (dotted). Right: what a swing of the bar that nothing "
-        "damps loses of its amplitude, by the substep, and what the laws of implicit Euler and of order 2 say (dashed); with "
+        "voxels across; five tetrahedra to a voxel (solid) and six (dotted). Right: the loss of amplitude of an "
+        "undamped oscillation of the bar, against the substep, and the laws of implicit Euler and of order 2 "
+        "(dashed); with "
         "too little to do a position-based bar is softer, swings slower and loses less. float64."
     )
     return Drawing(figure, caption, sources)

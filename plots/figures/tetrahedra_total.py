@@ -49,8 +49,8 @@ def draw(results: Results) -> Drawing:
     clipped = any(bar.total_error > MOST for bar in drawn)
     caption = (
         "The clamped bar at rest: largest error of its sag against the continuum, of the mesh and of the solver (the sum of "
-        "their magnitudes), against the time of a frame of 1/60 s. A colour is a mesh, a marker a solver; of each mesh the "
-        "settings that no other is both quicker and nearer than, of one version of the kernels on each processor. "
+        "their magnitudes), against the time of a frame of 1/60 s. A colour is a mesh, a marker a solver; for each "
+        "mesh the settings of its Pareto front, of one version of the kernels on each processor. "
         f"{f'Errors over {MOST:g} are drawn there. ' if clipped else ''}"
         f"{'; '.join(name_of(backend, source) for backend, source, _ in chosen)}."
     )

@@ -238,7 +238,7 @@ BAD = [
     ("run lab-grid", "--exchange-every 3", ["--exchange-every", "add --gpus or --ranks"]),
     ("run lab-grid", "--ranks 4 --backend gpu", ["--ranks", "--backend cpu"]),
     ("run lab-grid", "--ranks 2 --gpus 2", ["--gpus", "mutually exclusive"]),
-    ("run float", "--gpus 3", ["--gpus", "a world is not shared", "leave --gpus out"]),
+    ("run float", "--gpus 3", ["--gpus", "a world is not supported on several", "leave --gpus out"]),
     ("plan dam-break", "--gpus 2", ["--gpus", "thinner than their halo"]),
     ("plan lab-grid", "--exchange-every 4", ["--exchange-every", "--gpus"]),
     ("sweep", "--link nccl", ["--link", "add --gpus"]),

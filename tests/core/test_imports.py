@@ -176,7 +176,13 @@ def test_no_folder_holds_more_files_than_one_keeps_in_mind():
 )
 def test_no_heavy_import_at_the_door(statement):
     """`softlab --help` and test collection need no GPU, display or driver; the command line does not need the solvers."""
-    heavy = ("pyglet", "matplotlib", "numba.cuda", "trimesh", *(["numba", "scipy"] if statement.endswith("cli") else []))
+    heavy = (
+        "pyglet",
+        "matplotlib",
+        "numba.cuda",
+        "trimesh",
+        *(["numba", "scipy"] if statement.endswith("cli") else []),
+    )
     code = f"{statement}; import sys; print([m for m in {heavy} if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr

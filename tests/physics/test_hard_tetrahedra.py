@@ -145,7 +145,9 @@ def test_claims_follow_the_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
     assert claims["hard-tetrahedra"].numbers["pass"] == 5
     laws = claims["hard-tetrahedra-laws"]
     assert laws.numbers == {"ratio": 0.9, "stretch": 0.05, "volume": 0.05, "energy": 0.8}
-    assert "has within 2 s every tetrahedron right side out again" in laws.sentence.replace("\N{NO-BREAK SPACE}", " ")
+    assert "has within 2 s every tetrahedron positively oriented again" in laws.sentence.replace(
+        "\N{NO-BREAK SPACE}", " "
+    )
     rows[0] = row("B21 flat", "float64", "fail", ratio=-0.1, stretch=0.01)
     broken = hard_tetrahedra.laws(load(None))
     assert not broken.supported and "not every tetrahedron" in broken.sentence

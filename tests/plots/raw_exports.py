@@ -89,7 +89,7 @@ def samples(export: Export, stage: str) -> dict[tuple[str, str], tuple[list[floa
 
 @dataclass(frozen=True)
 class Run:
-    """A timed accuracy run: `second` [s] of wall time a simulated second; `whole` [s] with the copy of the end state."""
+    """A timed accuracy run: `second` [s] of wall time per simulated second; `whole` [s] with the copy of the end state."""
 
     machine: str
     label: str

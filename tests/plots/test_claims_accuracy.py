@@ -59,12 +59,12 @@ def test_families_are_told_by_how_long_each_takes_to_the_error(monkeypatch: pyte
     )  # fmt: skip
     made = accuracy_claims.families(results)
     assert made.numbers == {"explicit": 1, "position-based": 15}
-    assert "reached fastest by rk4" in made.sentence and "implicit methods do not get there" in made.sentence
+    assert "reached fastest by rk4" in made.sentence and "implicit methods do not reach it" in made.sentence
     assert "position-based methods take 15\N{NO-BREAK SPACE}times as long" in made.sentence
 
 
 def test_a_cloth_in_a_game_takes_the_fastest_method_within_a_tenth(monkeypatch: pytest.MonkeyPatch) -> None:
-    """6 s of wall time a simulated second are 0.1 s for a frame of 1/60 s; the faster run is too far off."""
+    """6 s of wall time per simulated second are 0.1 s for a frame of 1/60 s; the faster run is too far off."""
     runs = [("rk4", "gpu", 0.05, 6.0, None), ("lab", "cpu", 0.5, 1.0, None), ("implicit-euler", "cpu", 0.05, 9.0, None)]
     made = accuracy_claims.game_cloth(on_a_stiff_scene(monkeypatch, *runs))
     assert made.supported and made.numbers == {"frame": pytest.approx(0.1), "error": 0.05}
@@ -84,7 +84,7 @@ def test_where_float32_stops_to_gain(ratio: float, stops: bool) -> None:
     made = accuracy_claims.float32_floor(
         accurate(one=(1e-6 * ratio, 1e-3, "float32", "cpu"), other=(1e-6, 1e-3, "float64", "cpu"))
     )
-    assert made.supported == stops and ("rounding decides" in made.sentence) == stops
+    assert made.supported == stops and ("rounding dominates" in made.sentence) == stops
     assert made.numbers == {"float32": pytest.approx(1e-6 * ratio), "float64": 1e-6}
 
 

@@ -122,7 +122,7 @@ def test_too_few_repeats_and_sizes_left_out_are_told() -> None:
         maker.timing((16, 16), seconds, threads=threads, **how)
         maker.timing((32, 32), seconds, threads=threads, suspect="load: busy", **how)
     results = load(store)
-    assert "of 2x threads there are too few repeats to tell" in claims.threads_at(results, 0).sentence
+    assert "there are too few repeats to distinguish 2x threads" in claims.threads_at(results, 0).sentence
     sentence = claims.threads_best(results).sentence
     assert "of the 1 square sizes that were timed undisturbed (1 more are suspect)" in sentence
 

@@ -173,7 +173,7 @@ def test_what_more_threads_than_cores_cost(cpu: Results) -> None:
     assert kernel_claims.crowded(cpu, "fused").numbers["ratio"] == pytest.approx(fused.median / alone.median)
     assert kernel_claims.crowded(cpu, "team", "fused").numbers["ratio"] == pytest.approx(team.median / fused.median)
     policies = kernel_claims.policies(cpu)
-    assert "Spinning is quicker as long as each thread has a core" in policies.sentence
+    assert "Spinning is faster as long as each thread has a core" in policies.sentence
 
 
 def test_the_first_step(gpu: Results) -> None:

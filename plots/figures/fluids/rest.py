@@ -44,7 +44,7 @@ def on(source: Source, backend: str) -> list[Still]:
     ]
 
 
-@as_figure("fluids-rest", "Fluids at rest", "fluids at rest were not watched: softlab fluids --rest")
+@as_figure("fluids-rest", "Fluids at rest", "fluids at rest were not measured: softlab fluids --rest")
 def draw(results: Results) -> Drawing:
     """Draw a column for each scheme: speeds and energies of the tank, speeds of the box; or return why not."""
     chosen = needed(on_backends(results, on)[:1])

@@ -21,8 +21,8 @@ WANTED = {TANK: 0.01, DAM: 0.05}  # black lines
 CAPTION = (
     "Left: water at rest between four walls, 1000 particles, by 2 x 3 to 8 x 10 substeps x iterations of a frame of 1/60 s; "
     f"black: {WANTED[TANK]:.0%}. Middle: the front of Martin and Moyce's dam at their worst point, 10, 20 and 40 particles "
-    f"wide; hollow: without their first point; black: {WANTED[DAM]:.0%}. Right: the viscosity at which Taylor and Green's "
-    "vortices slow down where none was asked for. Other programs take their own steps. float32, fast math."
+    f"wide; hollow: without their first point; black: {WANTED[DAM]:.0%}. Right: the viscosity with which Taylor and "
+    "Green's vortices decay in a fluid without viscosity. Other programs take their own steps. float32, fast math."
 )
 LABELS = (
     ("time of a frame / ms", "mean density error"),

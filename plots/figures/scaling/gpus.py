@@ -50,8 +50,8 @@ def draw(results: Results) -> Drawing:
     legend_below(figure, [faster, joules], columns=4)
     caption = (
         "Left: how many times as fast as one GPU several step the same sheet, float32: a grid, by how its borders travel; a "
-        "cloth of constraints (XPBD by colours); and a grid for each GPU, all of it so large, over one GPU's rate with one. "
-        "Dashed: the model. Right: what all of them take of energy (grey: one GPU)."
+        "cloth of constraints (XPBD by colours); and one grid per GPU (weak scaling), over one GPU's rate with one. "
+        "Dashed: the model. Right: their total energy (grey: one GPU)."
     )
     return Drawing(figure, caption, sources_of(chosen))
 
