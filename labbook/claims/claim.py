@@ -192,9 +192,9 @@ def threads_best(results: Results) -> Claim:
 @CLAIMS.add("region-cost", "What an empty parallel region costs was not measured.")
 def region_cost(results: Results) -> Claim:
     """Cost of an empty parallel region with few and with many threads."""
-    source, costs = needed(results.first_with(lambda s: s.machine.record.get("region_seconds")))
-    cores, known = source.machine.record.get("cores"), {int(threads): cost for threads, cost in costs.items()}
-    needed(cores and cores in known and max(known) > cores)
+    source, costs = needed(results.first_with(lambda s: s.machine.record.get("region_seconds") or {}))
+    cores, known = needed(source.machine.record.get("cores")), {int(threads): cost for threads, cost in costs.items()}
+    needed(cores in known and max(known) > cores)
     most = max(known)
     layer, policy = source.threading
     text = (

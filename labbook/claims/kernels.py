@@ -146,11 +146,11 @@ def crowded(results: Results, kernel: str, against: str | None = None) -> Claim:
 @CLAIMS.add("policies", "What spinning and sleeping cost was not measured.")
 def policies(results: Results) -> Claim:
     """Cost of an empty parallel region with spinning and with sleeping idle threads, with few threads and with many."""
-    source, costs = needed(results.first_with(lambda s: s.machine.record.get("region_policies")))
+    source, costs = needed(results.first_with(lambda s: s.machine.record.get("region_policies") or {}))
     spin, sleep = ({int(n): cost for n, cost in (costs.get(p) or {}).items()} for p in ("active", "passive"))
-    cores, shared = source.machine.record.get("cores"), set(spin) & set(sleep)
+    cores, shared = needed(source.machine.record.get("cores")), set(spin) & set(sleep)
     many = max(shared, default=0)
-    needed(cores and cores in shared and many > cores)
+    needed(cores in shared and many > cores)
     few_times, many_times = sleep[cores] / spin[cores], spin[many] / sleep[many]
     text = (
         f"{on(source, 'cpu')}, with {cores} threads on {cores} cores an empty region costs {seconds(spin[cores], 2)} when "
