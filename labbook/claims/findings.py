@@ -84,7 +84,7 @@ def floor(results: Results) -> Claim:
         numbers[scheme] = least.value
         worse = worse and smallest.value > 2 * least.value
         parts.append(f"{number(least.value, 2)} spacings with {scheme}, at {seconds(least.dt, 2)}")
-    text = f"In float32 the least error on {SCENE} is {words.listed(needed(parts))}"
+    text = f"In float32 the smallest error on {SCENE} is {words.listed(needed(parts))}"
     if not worse:
         return Claim(f"{text}; no rise at smaller steps was seen.", numbers, False)
     return Claim(f"{text}; still smaller steps make it worse, because each of them rounds once more.", numbers, True)
