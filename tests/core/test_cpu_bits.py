@@ -13,6 +13,8 @@ from softlab.model.scene.scene import load_scene
 
 NAMES = list(INTEGRATORS)
 PARTS = {"grid.rows": 37, "grid.columns": 29, "external.magnitude": 0.05, "external.seed": 2**40 + 7}
+
+
 def scene_of(name):
     dt = 0.0003 if name in ("explicit-euler", "taylor") else 0.01
     return load_scene("lab-hammock").replace(PARTS | {"method.integrator": name, "method.dt": dt})

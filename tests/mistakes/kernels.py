@@ -8,7 +8,9 @@ GRID = "test_cpu_reference.py::test_each_kick_takes_the_random_force_of_its_own_
 BITS = "simulator/test_simulated_bits.py::test_kernels_have_the_bits_of_the_cpu"
 SIMULATED_GRID = f"simulator/test_simulated_gpu.py::test_the_first_mass_that_left_the_finite_world_is_found {BITS}[grid-over-blocks-lab-float64] {BITS}[grid-over-blocks-semi-implicit-euler-float64] {BITS}[grid-busy-velocity-verlet-float32] {BITS}[grid-busy-rk4-float64] {BITS}[grid-busy-lab-float32]"
 SIMULATED_CLOTH = f"{BITS}[cloth-springs-float64] {BITS}[cloth-random-float64] {BITS}[cloth-1x5-float64]"
-SIMULATED_XPBD = f"{BITS}[sheet-rigid-gauss-seidel-float32] {BITS}[sheet-free-jacobi-float32] {BITS}[sheet-gauss-seidel-2x2-float64]"
+SIMULATED_XPBD = (
+    f"{BITS}[sheet-rigid-gauss-seidel-float32] {BITS}[sheet-free-jacobi-float32] {BITS}[sheet-gauss-seidel-2x2-float64]"
+)
 
 CPU: tuple[Mistake, ...] = (
     *in_file(

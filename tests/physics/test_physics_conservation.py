@@ -1,6 +1,5 @@
 """Energy, momentum, rotation (docs/method/cases.md A8), and the hand-out's step as semi-implicit Euler of doubled masses."""
 
-
 import numpy as np
 import pytest
 
