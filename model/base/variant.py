@@ -39,7 +39,7 @@ from collections.abc import Callable, Iterable, Mapping
 from difflib import get_close_matches
 from functools import cache, cached_property
 from threading import Lock
-from types import CodeType, FunctionType, ModuleType
+from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
 from typing import Any, TypeVar
 
 import numpy as np
@@ -53,6 +53,8 @@ COMPARED: dict[type[ast.cmpop], Callable[..., bool]] = {
     ast.Gt: operator.gt,
     ast.Lt: operator.lt,
 }
+COMPILED_BUILTINS = (abs, all, any, divmod, len, max, min, pow, round, sum)
+COMPILED_MODULES = ("math", "numba", "numpy", "operator")
 SINGLE = "single"  # the feature of every float32 variant
 OF_PARTS = {  # features that a part of a scene switches on: `features_of` declares all of them
     "alternating": "every second structural constraint has its own constants",
@@ -481,6 +483,13 @@ class Variant:
             return value.make(self.real)
         if isinstance(value, Open):
             raise TypeError(f"{place(caller)}: compile filled({caller.__name__}, ...): {value.signature} is open")
+        if (
+            isinstance(value, BuiltinFunctionType) and value.__module__ == "builtins" and value not in COMPILED_BUILTINS
+        ) or (isinstance(value, ModuleType) and value.__name__.partition(".")[0] not in COMPILED_MODULES):
+            raise TypeError(
+                f"{place(caller)}: {caller.__name__} uses {value.__name__}, which machine code cannot; to look at its "
+                "values, run it as plain Python under a debugger (docs/add-a-solver.md)"
+            )
         if type(value) is FunctionType and not hasattr(value, "is_instruction"):
             raise TypeError(
                 f"{place(caller)}: the formula {caller.__name__} calls {value.__name__}, which is no formula: write "

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import inspect
+import os
 import re
 import threading
 import time
@@ -506,3 +507,20 @@ def test_names_are_filled_in_what_fills_other_names() -> None:
     closed = filled(ended, {"end": third})
     assert filled(started, {"start": ended, "end": third})(3.0) == closed(3.0)
     assert filled(filled(started, {"start": ended}), {"end": third})(3.0) == closed(3.0)
+
+
+@formula
+def printing(x):
+    print(x)
+    return x
+
+
+@formula
+def asking(x):
+    return x if os.environ else -x
+
+
+@pytest.mark.parametrize("function", [printing, asking])
+def test_what_machine_code_cannot_is_refused(function):
+    with pytest.raises(TypeError, match=f"{function.__name__} uses (print|os), which machine code cannot"):
+        Variant(np.float32, plain)(function)
