@@ -38,7 +38,7 @@ def drawing(change: Callable[[Any], object] = lambda ax: None, sources: tuple[An
     ax.set_xscale("log")
     ax.set_xlabel("masses")
     change(ax)
-    return Drawing(figure, "A title", "What is shown.", sources)
+    return Drawing(figure, "What is shown.", sources, "A title")
 
 
 @pytest.mark.parametrize(

@@ -56,8 +56,8 @@ def test_the_command_measures_what_the_page_declares(
     store = tmp_path / "results.sqlite"
     command = f"wind --quick --backend cpu --size 8 --speed 1 --speed 16 --store {store}"
     first = run(command)
-    assert "2 timed, 0 held" in first and all(head in first for head in wind.table)
-    assert "0 timed, 2 held" in run(command)
+    assert "2 timed, 0 already in the store" in first and all(head in first for head in wind.table)
+    assert "0 timed, 2 already in the store" in run(command)
     with Store(store, readonly=True) as opened:
         rows = wind.rows(measures(opened))
         assert [(row.particles, row.speed) for row in rows] == [(64, 1.0), (64, 16.0)]

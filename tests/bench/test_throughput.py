@@ -128,7 +128,7 @@ def test_the_command_times_what_was_asked_for_once(tmp_path: Any, monkeypatch: p
     monkeypatch.setattr(throughput, "QUICK_GRIDS", (12,))
     path = tmp_path / "results.sqlite"
     words = f"throughput --quick --backend cpu --kind grid --kind grid --precision float32 --store {path}".split()
-    for said in ("3 timed, 0 held", "0 timed, 3 held"):
+    for said in ("3 timed, 0 already in the store", "0 timed, 3 already in the store"):
         done = CliRunner().invoke(cli.app, words)
         assert done.exit_code == 0 and said in done.output, done.output
     with Store(path, readonly=True) as opened:

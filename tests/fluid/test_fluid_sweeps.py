@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-from typing import Any
-
 import numpy as np
 import pytest
 
 from softlab.bench.reference.fluid_world import _caught
 from softlab.model.base.variant import plain_formulas
 from softlab.model.formulas.fluid import sweep
+from softlab.model.tables.cloth import Box, Capsule
 
 HALF, LINE, REACH = (0.3, 0.05, 0.2), (0.4, 0.3, -0.1), 0.15
 STILL = (0.0, 0.0, 0.0)
@@ -28,8 +26,8 @@ def ways(seed: int, count: int = 3000) -> tuple[np.ndarray, np.ndarray]:
 
 def test_a_box_is_met_as_numpy_says() -> None:
     begin, end = ways(1)
-    box: Any = SimpleNamespace(center=STILL, half_size=HALF, thickness=0.01, velocity=STILL)
-    found, stopped, normal = _caught("box", box, begin, end, 0.0, 1.0)
+    box = Box(center=STILL, half_size=HALF, thickness=0.01, velocity=STILL)
+    found, stopped, normal = _caught(box, begin, end, 0.0, 1.0)
     assert 300 < found.sum() < 2500
     face = plain_formulas(sweep, float).box_face
     for k in range(len(begin)):
@@ -42,8 +40,8 @@ def test_a_box_is_met_as_numpy_says() -> None:
 
 def test_a_capsule_is_met_as_numpy_says() -> None:
     begin, end = ways(2)
-    rod: Any = SimpleNamespace(start=STILL, end=LINE, radius=REACH, thickness=0.0, velocity=STILL)
-    found, stopped, _ = _caught("capsule", rod, begin, end, 0.0, 1.0)
+    rod = Capsule(start=STILL, end=LINE, radius=REACH, thickness=0.0, velocity=STILL)
+    found, stopped, _ = _caught(rod, begin, end, 0.0, 1.0)
     assert 100 < found.sum() < 2500
     entry = plain_formulas(sweep, float).capsule_entry
     for k in range(len(begin)):

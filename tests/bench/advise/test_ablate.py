@@ -281,5 +281,5 @@ def test_the_command_prints_a_table_and_its_sentence(capsys, monkeypatch, tmp_pa
     )
     assert command("four.toml --time 0.2 --backend cpu", monkeypatch, tmp_path) == 0
     printed = capsys.readouterr().out
-    for expected in ("full scene", "float32", "  enough", "is enough", "3 measured, 0 held"):
+    for expected in ("full scene", "float32", "  enough", "is enough", "3 measured, 0 already in the store"):
         assert expected in printed
