@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 from math import pi
 
 from softlab.app.render.camera import Camera2D
@@ -23,7 +24,7 @@ class PlaneSurface:
     context. Raises BackendUnavailable if the driver has no float pictures.
     """
 
-    def __init__(self, squares: object, count: int, spacing: float):
+    def __init__(self, squares: ctypes.c_uint, count: int, spacing: float):
         from pyglet import gl
 
         self._squares, self._count, self._spacing = squares, count, spacing

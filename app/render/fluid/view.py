@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from softlab.app.render import colours
-from softlab.app.render.camera import Camera
+from softlab.app.render.camera import Camera, Camera2D
 from softlab.app.render.camera3d import Camera3D
 from softlab.app.render.detail import FINE, Detail
 from softlab.app.render.fluid.foam import NAMED, FoamLayer
@@ -216,6 +216,7 @@ class FluidView(View):
         if self.lines and self.space:
             self._balls.draw(camera, self._target.samples > 1, [(self._discs, self.scene.grid.particle_count, 1.0)])
         elif not self.space:
+            assert isinstance(camera, Camera2D)
             if self.lines:
                 self._plane.draw_particles(camera)
             else:
