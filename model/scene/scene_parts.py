@@ -59,6 +59,25 @@ from softlab.model.tables.tetrahedra import TETRAHEDRAL_KINDS, Material, Tetrahe
 from softlab.model.tables.xpbd import Attachments, Load
 
 P = TypeVar("P", bound=Part)
+FEW = 4  # kinds that an error proposes
+
+
+def _unknown_part(name: str, table: Table) -> SceneError:
+    """Return the error for a table of no known kind: the kinds that have all of its fields, or else all kinds."""
+    known = (*KINDS, TANK)
+    if "kind" in table:
+        kind = table["kind"]
+        return SceneError(
+            f"{name}.kind", kind, f"unknown part{suggestion(str(kind), known)}; known kinds: {', '.join(known)}"
+        )
+    able = [kind for kind, part in KINDS.items() if table and set(table) <= set(part.model_fields)]
+    if able and not suggestion(name, known):
+        remedy = " or ".join(f'kind = "{kind}"' for kind in able[:FEW])
+        return SceneError(name, table, f"unknown part; give the table {remedy}")
+    remedy = 'give the table a kind, such as kind = "soft_body"'
+    return SceneError(
+        name, table, f"unknown part{suggestion(name, known)}; known kinds: {', '.join(known)}; or {remedy}"
+    )
 
 
 def _build_part(name: str, part_class: type[P], fields: Table) -> P:
@@ -146,12 +165,7 @@ class SceneParts:
             if isinstance(kind, str) and kind in REMOVED:
                 raise SceneError(f"{part_name}.kind", kind, REMOVED[kind])
             if not isinstance(kind, str) or kind not in KINDS:
-                known = f"{suggestion(str(kind), (*KINDS, TANK))}; known kinds: {', '.join((*KINDS, TANK))}"
-                if "kind" in table:
-                    raise SceneError(f"{part_name}.kind", kind, f"unknown part{known}")
-                raise SceneError(
-                    part_name, table, f'unknown part{known}; or give the table a kind, such as kind = "soft_body"'
-                )
+                raise _unknown_part(part_name, table)
             self.parts[part_name] = _build_part(part_name, KINDS[kind], fields)
             self.kinds[part_name] = kind
 

@@ -278,5 +278,7 @@ def test_a_table_of_no_kind_is_told_as_a_table() -> None:
         Scene({"z": {"a": 1}})
     with pytest.raises(SceneError, match=r"^z\.kind = 'y': unknown part"):
         Scene({"z": {"kind": "y"}})
+    with pytest.raises(SceneError, match=r'^ball = .*: unknown part; give the table kind = "sphere" or'):
+        Scene({"ball": {"center": [0.0, 0.0, 0.0], "radius": 1.0}})
     with pytest.raises(SceneError, match=r"^grid = 3: must be a table"):
         Scene({"grid": 3})
