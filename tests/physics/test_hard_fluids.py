@@ -80,10 +80,14 @@ def test_the_limit_is_half_a_support_a_substep() -> None:
 
 
 class MadeUp:
-    """A simulation that tells of `contacts_lost` what it is made with."""
+    """A simulation that reports as many lost neighbours as it is made with."""
 
     def __init__(self, lost: int):
-        self.contacts_lost = lost
+        self.lost = lost
+
+    def read(self, name: str) -> int:
+        assert name == "neighbours_lost"
+        return self.lost
 
     def __enter__(self) -> MadeUp:
         return self
