@@ -64,7 +64,7 @@ def alternating() -> Scene:
 
 
 TWELVE, SPRINGS = (lambda: grid(12, 12)), sheet("lab")
-NO_TILES = "knows one stiffness, not alternating springs; use graph, launch or stages"
+NO_TILES = "supports one stiffness, not alternating springs; use graph, launch or stages"
 REFUSED: list[tuple[Callable[[], Scene], str | None, str]] = [  # scene, kernel, words of the message
     (TWELVE, "graph", "simulator"),
     (TWELVE, "resident:6x2x3h1", "at once; use tiles or graph"),
@@ -81,12 +81,12 @@ REFUSED: list[tuple[Callable[[], Scene], str | None, str]] = [  # scene, kernel,
     (SPRINGS, "resident:8x8x1h1", "larger than the sheet"),
     (SPRINGS, "resident:2x2x1h1", "runs 1 at once"),
     (SPRINGS, "resident:2x2x1h0", "at least one step"),
-    (SPRINGS, "resident:4x4x1h2", "too small to do 2 steps"),
+    (SPRINGS, "resident:4x4x1h2", "too small for 2 steps"),
     (SPRINGS, "resident:4x4", "written like"),
     (SPRINGS, "graph:4x4x1h1", "must be one of"),
     (SPRINGS, "tiles:4x4x1h2", "runs grids only"),
     (sheet("rk4"), "resident", "not rk4"),
-    (sheet("velocity-verlet", "damped"), "resident", "no force of velocities"),
+    (sheet("velocity-verlet", "damped"), "resident", "without forces that depend on velocities"),
     (SPRINGS, "tiles", "runs grids only; for a cloth use resident, or graph"),
     (SPRINGS, "resident", "fit none of its tiles"),
     (sheet("implicit-euler"), "graph", "cooperative"),
