@@ -142,7 +142,7 @@ def test_a_flat_body_is_told_of() -> None:
     position, triangles = box()
     body = SoftBody.from_mesh((position * [1.0, 1.0, 0.005], triangles), particle_spacing=0.2, linear=0.5)
     flat = int(body.clusters.flat.sum())
-    assert flat and f"{flat} of {body.clusters.count} clusters are flat: they only turn" in "".join(body.report.notes)
+    assert flat and f"{flat} of {body.clusters.count} clusters are flat: they only rotate" in "".join(body.report.notes)
 
 
 # ---------------------------------------------------------------------- linear goals
