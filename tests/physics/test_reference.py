@@ -27,7 +27,12 @@ SHARED = {
     "self_contacts.py": {"softlab.model.tables.self_collision"},
     "shape_matching.py": {"softlab.model.assets.clusters", "softlab.model.shape_matching.matching"},
     "cluster_material.py": {"softlab.model.assets.clusters"},
-    "cloth.py": {"softlab.model.tables.colliders.mesh_collider", "softlab.model.tables.colliders.distance_field"},
+    "cloth.py": {  # what a scene says of colliders
+        "softlab.model.tables.cloth",
+        "softlab.model.tables.colliders.mesh_collider",
+        "softlab.model.tables.colliders.distance_field",
+    },
+    "steps.py": {"softlab.model.base.pins"},  # the type of what a scene says of pins
     "mesh_collider.py": {"softlab.model.tables.colliders.mesh_collider"},
     "distance_field.py": {"softlab.model.tables.colliders.distance_field"},
     "surface_contacts.py": {"softlab.model.contact.attachments"},  # who is tied to whom
@@ -38,6 +43,7 @@ SHARED = {
     "fluid.py": {"softlab.model.fluid.measure"},  # who is near to whom, by a k-d tree, which no solver asks
     "fluid_world.py": {
         "softlab.model.geometry.particle_row",
+        "softlab.model.tables.cloth",
         "softlab.model.tables.colliders.mesh_collider",
         "softlab.model.tables.colliders.distance_field",
     },
