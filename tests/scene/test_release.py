@@ -210,7 +210,7 @@ def test_sharing_live_targets_and_an_error_are_refused() -> None:
     scene = release_scene("sheet")
     with pytest.raises(SceneError, match="releases pins, which is not supported on several GPUs"):
         check_cut(scene, 2, None, None, "--gpus")
-    with pytest.raises(SceneError, match="live = 'targets': moves pins, which let_go lets go"):
+    with pytest.raises(SceneError, match="live = 'targets': moves pins, which let_go releases"):
         open_simulation(release_scene("rows"), live=["targets"])
     error, reason = judge_run(scene, end_state(scene, "cpu"), None)
     assert error is None and "let go" in str(reason)
