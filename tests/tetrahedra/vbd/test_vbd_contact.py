@@ -136,5 +136,5 @@ def test_surfaces_keep_their_distance_and_their_momentum(iterations: int, fricti
 
 
 def test_newton_knows_no_contacts_of_surfaces() -> None:
-    with pytest.raises(SceneError, match=r"is not supported by the solver newton.*meet under xpbd or vbd"):
+    with pytest.raises(SceneError, match=r"is not supported by the solver newton.*supported by xpbd or vbd"):
         pair(method=METHOD | {"solver": "newton"})
