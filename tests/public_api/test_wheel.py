@@ -40,7 +40,7 @@ def test_it_holds_the_files_of_the_tree(wheel: Path) -> None:
     with zipfile.ZipFile(wheel) as archive:
         held = {name for name in archive.namelist() if ".dist-info/" not in name}
     files = [file for name in LAYERS for file in (ROOT / name).rglob("*.py")]
-    files += [file for pattern in DATA for file in ROOT.glob(pattern)]
+    files += [file for pattern in DATA for file in ROOT.glob(pattern) if file.is_file()]
     wanted = {f"softlab/{file.relative_to(ROOT).as_posix()}" for file in files}
     wanted |= {f"softlab/{file.name}" for file in (ROOT / "softlab").iterdir() if file.is_file()}
     assert held == wanted
