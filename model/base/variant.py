@@ -521,11 +521,12 @@ def features_of(parts: Iterable[str]) -> dict[str, bool]:
 
 def plain_formulas(module: ModuleType, real: Any, features: Mapping[str, Any] | None = None) -> Formulas:
     """Return the formulas of a module as plain Python, in a precision; features that are not named are off."""
-    return Variant(real, plain, _all_off() | dict(features or {})).of(module)
+    return Variant(real, plain, _with_off(features)).of(module)
 
 
-def _all_off() -> dict[str, Any]:
-    return dict.fromkeys(FEATURES, False)
+def _with_off(features: Mapping[str, Any] | None) -> dict[str, Any]:
+    """Return features with all others off."""
+    return dict.fromkeys(FEATURES, False) | dict(features or {})
 
 
 def _unknown_feature(name: str) -> str:
@@ -554,9 +555,7 @@ def check_returns(function: Any, count: int, features: Mapping[str, int] | None 
         raise TypeError(f"{place(function)}: {function.__name__} is no formula: write @formula above it")
     values = [
         node.value
-        for node in ast.walk(
-            specialised_tree(function, frozenset((_all_off() | dict(features or {})).items()), False)[0]
-        )
+        for node in ast.walk(specialised_tree(function, frozenset(_with_off(features).items()), False)[0])
         if isinstance(node, ast.Return)
     ]
     while values:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from softlab.model.base.errors import SceneError
-from softlab.model.base.words import suggestion
 from softlab.model.core.build import Body
 from softlab.model.scene.scene import Scene
 from softlab.model.tables.cloth import CONSTRAINT_KINDS
@@ -57,23 +56,15 @@ def check_live(scene: Scene, live: Iterable[str], path: str, value: object) -> N
     if path in (f"{name}.speed" for name in scene.emitters):
         names.append("taps")
     if not set(names) & set(live):
-        raise SceneError(path, value, _refusal(scene, path, names))
+        if not names:
+            scene.replace({path: value})  # a field that does not exist is refused as in a scene
+        remedy = f'with live=("{names[0]}",)' if names else "with this value, since it cannot change while it runs"
+        raise SceneError(path, value, f"not live; open the simulation {remedy}")
     part = path.partition(".")[0]
     if part in ("springs", *CONSTRAINT_KINDS, "wind") and part not in scene.parts:
         raise SceneError(path, value, "the scene has no such part, so no code for it was compiled")
     if path in LIVE_PATHS["stiffness"] and scene.method.solver == "pbd":
         raise SceneError(path, value, "pbd has no stiffness; set method.pbd_stiffness, or use xpbd")
-
-
-def _refusal(scene: Scene, path: str, names: Sequence[str]) -> str:
-    """Return why a field cannot change and what to do; `names`: the entries of `live` that would make it live."""
-    if names:
-        return f'not live; open the simulation with live=("{names[0]}",)'
-    part, _, name = path.partition(".")
-    if name not in getattr(type(scene.parts.get(part)), "model_fields", ()):
-        known = sorted(one for paths in LIVE_PATHS.values() for one in paths)
-        return f"the scene has no such field{suggestion(path, known)}"
-    return "not live; open the simulation with this value, since it cannot change while it runs"
 
 
 def unknown_kernel(wanted: str | None, known: Iterable[str], where: str) -> SceneError:

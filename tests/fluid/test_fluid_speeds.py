@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 from test_cli import command  # noqa: F401  # a fixture
 
+from softlab.app.command.run_parts import SLOWED, fluid_notes
 from softlab.app.command.scene_file import scene_toml
 from softlab.app.driver import open_simulation
 from softlab.model.fluid.speeds import expected_speeds, speed_lines
@@ -62,3 +63,12 @@ def test_a_run_says_so(command: Any, tmp_path: Path) -> None:  # noqa: F811
     )
     words = command(f"run {tmp_path / 'fall.toml'} --steps 1 --backend cpu")
     assert "no particle goes faster than" in words.out + words.err and "slowed a particle" in words.out + words.err
+
+
+def test_a_run_says_so_above_a_share_of_the_moves() -> None:
+    scene, steps = column(), 1000
+    moves = scene.grid.particle_count * scene.method.substeps * steps
+    report = {"steps": steps, "speed_limit": 1.0}
+    assert not fluid_notes(scene, report | {"speed_limited": int(SLOWED * moves)})
+    (note,) = fluid_notes(scene, report | {"speed_limited": moves // 50})
+    assert "2 % of all moves" in note

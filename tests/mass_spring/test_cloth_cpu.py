@@ -136,6 +136,10 @@ def test_what_a_cloth_cannot_be_run_with_is_refused():
             simulation.read("colour")
         with pytest.raises(SceneError, match="not live"):
             simulation.poke(3, (0.0, 1.0))
+        with pytest.raises(SceneError, match="not live; open the simulation with this value"):
+            simulation.set("cloth.mass", 1.0)
+        with pytest.raises(SceneError, match=r"unknown key \(did you mean mass"):
+            simulation.set("cloth.masss", 1.0)
     with open_simulation(scene, live=("poke",)) as simulation, pytest.raises(SceneError, match="3 finite numbers"):
         simulation.poke(3, (0.0, 1.0))
     with open_simulation("lab-grid") as simulation, pytest.raises(SceneError, match="normal"):
