@@ -35,6 +35,7 @@ import builtins
 import copy
 import inspect
 import operator
+import re
 from collections.abc import Callable, Iterable, Mapping
 from difflib import get_close_matches
 from functools import cache, cached_property
@@ -459,7 +460,7 @@ class Variant:
         function, names = (formula.function, formula.names) if isinstance(formula, Filled) else (formula, {})
         known = vars(builtins) | function.__globals__ | names
         rounded = self.product is not None and function.rounds_products
-        code, used, constants = specialised(function, self.features, rounded)
+        code, used, constants = _specialised(function, _asked(function, self.features), rounded)
         if undefined := sorted(used - known.keys() - constants.keys() - {PRODUCT}):
             raise NameError(
                 f"{place(function)}: the formula {function.__name__} uses {undefined[0]}, which is not defined"
@@ -535,12 +536,18 @@ def _unknown_feature(name: str) -> str:
     return f"FEATURE.{name} is unknown: {suggestion}A new feature is an entry of FEATURES in {__name__}"
 
 
+def _asked(function: FunctionType, features: frozenset[tuple[str, Any]]) -> frozenset[tuple[str, Any]]:
+    """Return the features that a formula's text names: variants that differ in others share its copy."""
+    names = _definitions(inspect.getfile(function))[function.__name__][2]
+    return frozenset(feature for feature in features if feature[0] in names)
+
+
 @cache
-def specialised(
+def _specialised(
     function: FunctionType, features: frozenset[tuple[str, Any]], rounded: bool
 ) -> tuple[CodeType, frozenset[str], dict[str, float]]:
     """Return (code that defines a formula's copy, its global names, its float literals by the names they get)."""
-    definition, constants = specialised_tree(function, features, rounded)
+    definition, constants = _specialised_tree(function, features, rounded)
     tree = ast.fix_missing_locations(ast.Module([definition], []))
     nodes = [node for node in ast.walk(tree) if isinstance(node, ast.Name)]
     local = {node.id for node in nodes if isinstance(node.ctx, ast.Store)}
@@ -573,9 +580,16 @@ def check_returns(function: Any, count: int, features: Mapping[str, int] | None 
 def specialised_tree(
     function: FunctionType, features: frozenset[tuple[str, Any]], rounded: bool
 ) -> tuple[ast.FunctionDef, dict[str, float]]:
-    """Return (a copy of a formula's tree, its float literals by the names that replace them)."""
-    line, text = _definitions(inspect.getfile(function))[function.__name__]
-    definition = ast.increment_lineno(parsed(text), line - 1).body[0]
+    """Return (a copy of a formula's tree, its float literals by the names that replace them). Both are kept: read only."""
+    return _specialised_tree(function, _asked(function, features), rounded)
+
+
+@cache
+def _specialised_tree(
+    function: FunctionType, features: frozenset[tuple[str, Any]], rounded: bool
+) -> tuple[ast.FunctionDef, dict[str, float]]:
+    line, text, _ = _definitions(inspect.getfile(function))[function.__name__]
+    definition = parsed("\n" * (line - 1) + text).body[0]
     assert isinstance(definition, ast.FunctionDef)
     definition.returns = None
     for argument in (*definition.args.args, *definition.args.kwonlyargs):
@@ -595,12 +609,16 @@ def parsed(text: str) -> ast.Module:
 
 
 @cache
-def _definitions(file: str) -> dict[str, tuple[int, str]]:
-    """Return (first line, text) of the functions of a file, without their decorators, by name."""
+def _definitions(file: str) -> dict[str, tuple[int, str, frozenset[str]]]:
+    """Return (first line, text, features that it names) of the functions of a file, without their decorators, by name."""
     with open(file, encoding="utf-8") as source:
         text = source.read()
     lines, functions = text.splitlines(), [node for node in parsed(text).body if isinstance(node, ast.FunctionDef)]
-    return {node.name: (node.lineno, "\n".join(lines[node.lineno - 1 : node.end_lineno])) for node in functions}
+    found: dict[str, tuple[int, str, frozenset[str]]] = {}
+    for node in functions:
+        body = "\n".join(lines[node.lineno - 1 : node.end_lineno])
+        found[node.name] = node.lineno, body, frozenset(re.findall(r"\bFEATURE\.(\w+)", body))
+    return found
 
 
 def _unpacked(items: list[ast.expr]) -> list[ast.expr]:
