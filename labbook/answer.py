@@ -33,12 +33,12 @@ Run = tuple[Point, Source]
 
 @dataclass(frozen=True)
 class SceneWinner:
-    """The winner of a scene at some errors, and the faster runs within the rule for ties; or why there is no winner."""
+    """The winner of a scene at some errors, and the fastest run if the two tie; or why there is no winner."""
 
     label: str
     targets: tuple[float, ...]
     best: Run | None
-    ties: tuple[Run, ...] = ()
+    tie: Run | None = None
     reason: str = ""
 
 
@@ -98,9 +98,9 @@ def _winners(label: str, runs: Sequence[Run]) -> list[SceneWinner]:
     """Return the answers of a scene; neighbouring errors with the same winner are one answer."""
     winners: list[SceneWinner] = []
     for target in TARGETS:
-        best, ties = winner(runs, target)
+        best, tie = winner(runs, target)
         entry = SceneWinner(
-            label, (target,), best, ties, "" if best else _unanswered([point for point, _ in runs], target)
+            label, (target,), best, tie, "" if best else _unanswered([point for point, _ in runs], target)
         )
         if winners and replace(winners[-1], targets=(target,)) == entry:
             winners[-1] = replace(entry, targets=(*winners[-1].targets, target))
@@ -109,25 +109,25 @@ def _winners(label: str, runs: Sequence[Run]) -> list[SceneWinner]:
     return winners
 
 
-def winner(runs: Sequence[Run], target: float) -> tuple[Run | None, tuple[Run, ...]]:
-    """Return (the run that reaches an error fastest, those faster by less than the rule for ties, fastest first).
+def winner(runs: Sequence[Run], target: float) -> tuple[Run | None, Run | None]:
+    """Return (the run that reaches an error fastest, the fastest run if that one ties with it).
 
-    Of runs within the rule from the fastest, the one with the smallest error wins. One run of the whole interval counts,
-    with launch and copy.
+    Of runs within the rule from the fastest, the one with the smallest error wins; of errors that are printed alike, the
+    fastest. One run of the whole interval counts, with launch and copy.
     """
     able = [run for run in runs if run[0].run_seconds is not None and run[0].resolved and run[0].error <= target]
     if not able:
-        return None, ()
+        return None, None
     able.sort(key=lambda run: run[0].run_seconds or 0.0)
     fastest = able[0][0].run_seconds or 0.0
     tied = [run for run in able if small((run[0].run_seconds or 0.0) / fastest)]
-    best = min(tied, key=lambda run: run[0].error)
-    return best, tuple(tied[: tied.index(best)])
+    best = min(tied, key=lambda run: float(f"{run[0].error:.1e}"))
+    return best, None if best == able[0] else able[0]
 
 
 def _shown(entry: SceneWinner) -> list[Run]:
     """Return the runs that a row names."""
-    return [run for run in (entry.best, *entry.ties[:1]) if run]
+    return [run for run in (entry.best, entry.tie) if run]
 
 
 def _resolved_scene(label: str) -> Scene:
@@ -181,9 +181,9 @@ def _limit(point: Point) -> str:
 
 def _tie(entry: SceneWinner, marks: Mapping[Source, str]) -> str:
     """Return the fastest run that is not clearly faster than the winner, by how much it is faster, and its error."""
-    if not entry.ties or entry.best is None:
+    if entry.tie is None or entry.best is None:
         return DASH
-    point, source = entry.ties[0]
+    point, source = entry.tie
     gain = 1 - (point.run_seconds or 0.0) / (entry.best[0].run_seconds or 1.0)
     method = method_words(point.integrator, point.iterations)
     description, where = f"{method}, {_milliseconds(point.dt)}", _processor(point, source, marks)

@@ -33,7 +33,11 @@ def draw(results: Results) -> Drawing:
     drawn: list[Bar] = []
     for axes, (backend, _, measured) in zip(rows, chosen, strict=True):
         for ax, young in zip(axes, moduli, strict=True):
-            drawn += _panel(ax, [bar for bar in measured if bar.young == young])
+            here = [bar for bar in measured if bar.young == young]
+            drawn += _panel(ax, here)
+            if not here:
+                ax.set_axis_off()
+                ax.text(0.5, 0.5, "not measured", transform=ax.transAxes, ha="center", fontsize=8)
             ax.set_title(f"E = {young:.0e} Pa, {backend.upper()}".replace("e+0", "e"), fontsize=8)
         axes[0].set_ylabel("mesh + solver")
     for ax in rows[-1]:

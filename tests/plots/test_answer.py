@@ -64,6 +64,14 @@ def test_within_the_rule_the_more_accurate_run_wins_and_the_tie_is_named() -> No
     assert all(p.integrator != "velocity-verlet" for p in reaching(points(source), 1.0))
 
 
+def test_of_errors_that_are_printed_alike_the_fastest_wins() -> None:
+    (table,) = winner_tables(
+        made(CPU_RECORD, ("lab", 0.02, 5.04e-2, 0.95e-3, "cpu"), ("rk4", 0.01, 5.01e-2, 1e-3, "cpu"))
+    )
+    first = dict(zip(HEAD, table["rows"][0], strict=True))
+    assert (first["Method"], first["Tie"]) == ("lab", DASH)
+
+
 def test_a_time_beside_other_programs_is_marked_wherever_it_is_told() -> None:
     """A marked sample among four clean ones does not count; where all are marked their time is told with the mark."""
     store = Store(":memory:")

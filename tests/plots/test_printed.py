@@ -77,13 +77,13 @@ def table() -> list[dict[str, str]]:
 
 
 def winner(found: list[Run], target: float) -> tuple[Run | None, Run | None]:
-    """(the most accurate of those that reach the error within TIE of the fastest, the fastest one)."""
+    """(the most accurate, as printed, of those that reach the error within TIE of the fastest, the fastest one)."""
     able = [r for r in found if r.whole is not None and r.resolved and r.error <= target]
     if not able:
         return None, None
     fastest = min(able, key=lambda r: r.whole or 0.0)
     tied = [r for r in able if (r.whole or 0.0) < (1 + TIE) * (fastest.whole or 0.0)]
-    return min(tied, key=lambda r: r.error), fastest
+    return min(tied, key=lambda r: (float(f"{r.error:.1e}"), r.whole)), fastest
 
 
 def named_in(row: dict[str, str], cell: str) -> set[str]:
