@@ -8,19 +8,12 @@ from softlab.bench.experiments.scaling.experiment import speedups, weak_efficien
 from softlab.bench.measure import words
 from softlab.bench.measure.case_timing import Row
 from softlab.labbook.claims.claim import Claim, Claims
-from softlab.plots.core.backends import on_backends
-from softlab.plots.core.data import Results, Source, needed
-from softlab.plots.figures.scaling.gpus import masses, timed_shared
+from softlab.plots.core.data import Results, needed
+from softlab.plots.figures.scaling.gpus import masses, on_several_gpus
 
 CLAIMS = Claims()
 USUAL = "flags"  # the default link
 Speedups = Sequence[tuple[Row, float, float | None]]
-
-
-def _measured(results: Results) -> tuple[Source, Sequence[Row]]:
-    """Return the first machine that distributed a sheet among GPUs, and its points. Raises NotMeasured."""
-    _, source, rows = needed(on_backends(results, timed_shared))[0]
-    return source, rows
 
 
 def _ratio(value: float) -> str:
@@ -34,7 +27,7 @@ def _of_sheets(rows: Speedups, sheet: str, link: str) -> list[tuple[Row, float, 
 @CLAIMS.add("gpus-strong", "A grid on several GPUs was not timed.")
 def strong(results: Results) -> Claim:
     """Strong scaling: speed-up over one GPU with one sheet for all."""
-    source, measured = _measured(results)
+    source, measured = on_several_gpus(results)[0]
     ratios = speedups(measured)
     grids, cloths = needed(_of_sheets(ratios, "grid", USUAL)), _of_sheets(ratios, "xpbd", USUAL)
     numbers = {f"{p.sheet} {p.rows} {p.gpus}": faster for p, faster, _ in [*grids, *cloths]}
@@ -49,10 +42,25 @@ def strong(results: Results) -> Claim:
     return Claim(f"{one} {words.listed(parts)}{cloth}.", numbers, True)
 
 
+@CLAIMS.add("gpus-most", "The rate of several GPUs was not timed.")
+def most(results: Results) -> Claim:
+    """Rate of the largest grid on the machine with most GPUs, and the speed-up over one of them."""
+    source, measured = max(on_several_gpus(results), key=lambda one: max(p.gpus for p in one[1]))
+    ratios = needed(_of_sheets(speedups(measured), "grid", USUAL))
+    size = max(masses(p) for p, _, _ in ratios)
+    here = [(p, faster) for p, faster, _ in ratios if masses(p) == size]
+    parts = [
+        f"{p.gpus} reach {words.number(p.rate / 1e9)} billion masses a second, {_ratio(faster)} one"
+        for p, faster in here
+    ]
+    numbers = {f"{p.gpus}": faster for p, faster in here}
+    return Claim(f"On {source.gpu}{source.bracket}, with {words.masses(size)}, {words.listed(parts)}.", numbers, True)
+
+
 @CLAIMS.add("gpus-weak", "A grid for each of several GPUs was not timed.")
 def weak(results: Results) -> Claim:
     """Weak scaling: one grid for each GPU."""
-    _, measured = _measured(results)
+    _, measured = on_several_gpus(results)[0]
     efficiency = weak_efficiencies(measured)
     rates = [(p, efficiency[id(p)]) for p in measured if id(p) in efficiency and p.link == USUAL and p.sheet == "grid"]
     numbers = needed({f"{p.rows} {p.gpus}": value for p, value in rates})
@@ -67,7 +75,7 @@ def weak(results: Results) -> Claim:
 @CLAIMS.add("gpus-links", "NCCL was not timed.")
 def links(results: Results) -> Claim:
     """Speed-up with NCCL, from the smallest to the largest grid of each."""
-    _, measured = _measured(results)
+    _, measured = on_several_gpus(results)[0]
     ratios = needed(_of_sheets(speedups(measured), "grid", "nccl"))
     ends = ratios[:: max(1, len(ratios) - 1)]
     numbers = {f"nccl {p.rows} {p.gpus}": faster for p, faster, _ in ends}
@@ -79,7 +87,7 @@ def links(results: Results) -> Claim:
 @CLAIMS.add("gpus-bits", "No state of several GPUs was compared with that of one.")
 def bits(results: Results) -> Claim:
     """Comparison of states with one GPU's."""
-    _, measured = _measured(results)
+    _, measured = on_several_gpus(results)[0]
     off = needed([p.difference for p in measured if p.gpus > 1 and p.difference is not None])
     same = f"{words.things(sum(d == 0 for d in off), 'sheet')} of {len(off)}"
     numbers = {"compared": len(off), "largest": max(off)}
@@ -89,7 +97,7 @@ def bits(results: Results) -> Claim:
 @CLAIMS.add("gpus-energy", "The energy of several GPUs was not measured.")
 def energy(results: Results) -> Claim:
     """Energy per step of all GPUs over that of one GPU with the same grid."""
-    counted = [p for p in _measured(results)[1] if p.sheet == "grid" and p.rows == p.columns and p.joules]
+    counted = [p for p in on_several_gpus(results)[0][1] if p.sheet == "grid" and p.rows == p.columns and p.joules]
     alone = {p.rows: p.joules for p in counted if p.gpus == 1}
     more = [p for p in counted if p.gpus > 1 and p.link == USUAL and p.rows in alone]
     numbers = needed({f"{p.rows} {p.gpus}": p.joules / alone[p.rows] for p in more})
@@ -100,7 +108,7 @@ def energy(results: Results) -> Claim:
 @CLAIMS.add("gpus-model", "The model of several GPUs was not compared with any.")
 def model(results: Results) -> Claim:
     """Error of the model."""
-    _, measured = _measured(results)
+    _, measured = on_several_gpus(results)[0]
     off = {p.link: [] for p in measured if p.gpus > 1}  # type: dict[str, list[float]]
     for p, faster, by_model in speedups(measured):
         if by_model is not None:

@@ -8,9 +8,9 @@ from typing import Any
 from softlab.bench.experiments.scaling.experiment import BY_TURNS, Scaling, speedups, weak_efficiencies
 from softlab.bench.measure.case_timing import Row
 from softlab.bench.store.results import Measure
-from softlab.plots.core.backends import on_backends, sources_of, timed
+from softlab.plots.core.backends import timed
 from softlab.plots.core.colours import BLUE, GREY, ORANGE, PURPLE, VERMILLION
-from softlab.plots.core.data import Results, needed
+from softlab.plots.core.data import Results, Source, needed
 from softlab.plots.core.style import LONG_LABEL, Drawing, as_figure, legend_below, log_axes, new_figure
 
 LINKS = {"flags": (BLUE, "o"), "nccl": (ORANGE, "s")}
@@ -31,11 +31,17 @@ def masses(p: Row) -> int:
     return p.rows * p.columns
 
 
+def on_several_gpus(results: Results) -> list[tuple[Source, list[Row]]]:
+    """Return the machines that distributed a sheet among GPUs and their points, the one with most points first. Raises
+    NotMeasured."""
+    machines = [(source, timed_shared(source, "gpu")) for source in results.everyone]
+    return sorted(needed([one for one in machines if one[1]]), key=lambda one: -len(one[1]))
+
+
 @as_figure("gpus", "Several GPUs", "no sheet was timed on several GPUs (softlab sweep --gpus 2)")
 def draw(results: Results) -> Drawing:
     """Return the figure, or the reason why there is none."""
-    chosen = needed(on_backends(results, timed_shared))
-    measured: Sequence[Row] = chosen[0][2]
+    source, measured = on_several_gpus(results)[0]
     figure, (faster, joules) = new_figure(2, 2.2, sharey=False)
     _draw_faster(faster, measured)
     for gpus, colour in ((1, GREY), *((n, BLUE) for n in sorted({p.gpus for p in measured} - {1}))):
@@ -53,7 +59,7 @@ def draw(results: Results) -> Drawing:
         "cloth of constraints (XPBD by colours); and one grid per GPU (weak scaling), over one GPU's rate with one. "
         "Dashed: the model. Right: their total energy (grey: one GPU)."
     )
-    return Drawing(figure, caption, sources_of(chosen))
+    return Drawing(figure, caption, (source,))
 
 
 def _draw_faster(ax: Any, measured: Sequence[Row]) -> None:
