@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,10 +22,14 @@ from softlab.model.base.disk_cache import user_cache
 from softlab.model.base.errors import InputError
 from softlab.model.base.files import replacing
 
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.figure import Figure
+
 MAX_FILES = 400  # six sets of figures; the least recently used ones are removed
 
 
-def key_of(figure: Any, more: Sequence[object] = ()) -> str:
+def key_of(figure: Figure, more: Sequence[object] = ()) -> str:
     """Return a hash of the contents of a figure before its layout, of the drawing code, and of `more`."""
     digest = hashlib.sha256(_code().encode())
     for piece in (*more, *figure.get_size_inches(), *_parts(figure)):
@@ -41,7 +45,7 @@ def _code() -> str:
     return f"{source_digest(Path(__file__).parent.parent)} matplotlib {matplotlib.__version__}"
 
 
-def _parts(figure: Any) -> Iterator[Any]:
+def _parts(figure: Figure) -> Iterator[object]:
     """Yield the parts that depend on the data: kind, position, text and style of every part. Ticks follow from the
     axes."""
     from matplotlib.ticker import FixedLocator
@@ -64,7 +68,7 @@ def _parts(figure: Any) -> Iterator[Any]:
             yield from _artist(artist)
 
 
-def _artist(artist: Any) -> Iterator[Any]:
+def _artist(artist: Artist) -> Iterator[object]:
     yield type(artist).__name__, artist.get_visible(), artist.get_alpha(), artist.get_zorder(), str(artist.get_label())
     if hasattr(artist, "get_texts"):  # a legend, whose handles are parts themselves
         yield [text.get_text() for text in artist.get_texts()], artist.get_title().get_text()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from softlab.bench.experiments.bar import (
     FINEST,
@@ -19,6 +19,9 @@ from softlab.bench.experiments.bar_strip import ACROSS, FREQUENCY, SAG
 from softlab.plots.core.colours import BLUE, GREEN, GREY, METHODS, ORANGE, PURPLE, SKY, VERMILLION
 from softlab.plots.core.data import Results, Source, judgements, needed
 from softlab.plots.core.style import LONG_LABEL, Drawing, as_figure, legend_below, new_figure, new_sheet, plain_ticks
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 MISSING = "the bar was not measured (softlab bar)"
 CURVES = {  # solver -> label, colour, marker, line
@@ -146,14 +149,14 @@ def _size(bar: Bar) -> float:
 
 
 def _curve(
-    ax: Any, measured: Sequence[Bar], where: Callable[[Bar], float], name: str, style: Mapping[str, Any]
+    ax: Axes, measured: Sequence[Bar], where: Callable[[Bar], float], name: str, style: Mapping[str, Any]
 ) -> None:
     points = [(where(bar), part) for bar in measured if (part := bar.part(name)) is not None]
     if points:
         ax.plot(*zip(*points, strict=True), **style)
 
 
-def _doubling(ax: Any, measured: Sequence[Bar], where: Callable[[Bar], float], label: str) -> None:
+def _doubling(ax: Axes, measured: Sequence[Bar], where: Callable[[Bar], float], label: str) -> None:
     """Set a logarithmic x axis with a tick at each measured value."""
     values = sorted({where(bar) for bar in measured})
     ax.set_xscale("log")

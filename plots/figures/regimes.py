@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING
 
 from softlab.bench.experiments.accuracy.equal_error import equal_error
 from softlab.bench.experiments.accuracy.points import SIZES
@@ -13,6 +13,10 @@ from softlab.plots.core.colours import BLUE, GREEN, GREY
 from softlab.plots.core.data import Results, Source, needed
 from softlab.plots.core.style import HEIGHT, Drawing, as_figure, log_axes, new_figure, plain_ticks
 from softlab.plots.figures.work_precision import INTEGRATORS
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.patches import Patch
 
 MISSING = "no machine in the data has timed a GPU and a CPU at equal error and several sizes"
 SCENE = "S1"  # the scene that is measured at several sizes
@@ -59,7 +63,7 @@ def draw(results: Results) -> Drawing:
     return Drawing(figure, caption, (source,))
 
 
-def _map(ax: Any, by_size: dict[int, list[Point]]) -> None:
+def _map(ax: Axes, by_size: dict[int, list[Point]]) -> None:
     wanted = targets([p for runs in by_size.values() for p in runs])
     for row, runs in enumerate(by_size.values()):
         for column, fastest in enumerate(equal_error(runs, wanted)):
@@ -83,13 +87,13 @@ def _map(ax: Any, by_size: dict[int, list[Point]]) -> None:
     ax.grid(visible=False)
 
 
-def _cell(column: int, row: int, colour: str) -> Any:
+def _cell(column: int, row: int, colour: str) -> Patch:
     from matplotlib.patches import Rectangle
 
     return Rectangle((column - 0.48, row - 0.47), 0.96, 0.94, color=colour, alpha=0.3, linewidth=0)
 
 
-def _ratios(ax: Any, by_size: dict[int, list[Point]], target: float = 1e-2) -> None:
+def _ratios(ax: Axes, by_size: dict[int, list[Point]], target: float = 1e-2) -> None:
     for name, (colour, marker) in INTEGRATORS.items():
         ratios = {}
         for masses, runs in by_size.items():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from math import log10
-from typing import Any
+from typing import TYPE_CHECKING
 
 from softlab.bench.experiments.accuracy.methods import admitted
 from softlab.bench.experiments.accuracy.points import CLOTHS, pareto_front
@@ -14,6 +14,9 @@ from softlab.plots.core.accuracy_points import Point, points
 from softlab.plots.core.colours import BLACK, GREY, METHODS
 from softlab.plots.core.data import Results, Source, needed
 from softlab.plots.core.style import LONG_LABEL, Drawing, as_figure, legend_below, new_grid
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 BROWN, PINK, VIOLET = "#7A5230", "#B0305C", "#5E3C99"
 NAMES = GRIDS | CLOTHS  # label -> scene
@@ -104,7 +107,7 @@ def answering(results: Results, label: str) -> Source | None:
     return next((source for source, timed in methods if timed and len(timed) >= MIN_FRACTION * most), None)
 
 
-def _draw_panel(ax: Any, runs: list[Point], title: str) -> None:
+def _draw_panel(ax: Axes, runs: list[Point], title: str) -> None:
     edge = EDGE * max((p.error for p in runs if not _lost(p) and p.error > 0), default=1.0)
     for name, iterations, colour, marker in _curves(runs):
         for backend, line in LINES.items():
@@ -118,7 +121,7 @@ def _draw_panel(ax: Any, runs: list[Point], title: str) -> None:
                 alpha = PALE if p.suspect else 1.0
                 if p.low is not None and p.high is not None:
                     ax.plot([x, x], [p.low, p.high], color=colour, linewidth=0.8, zorder=2, alpha=alpha)
-                how: dict[str, Any] = {"marker": marker, "linestyle": "", "color": colour, "markerfacecolor": face}
+                how: dict[str, str] = {"marker": marker, "linestyle": "", "color": colour, "markerfacecolor": face}
                 how |= DIGIT if iterations is not None else {"markersize": 3.5}
                 ax.plot([x], [p.seconds], **how, zorder=3, clip_on=False, alpha=alpha)
         if iterations in (None, min((p.iterations or 0 for p in runs if p.integrator == name), default=None)):
@@ -134,7 +137,7 @@ def _draw_panel(ax: Any, runs: list[Point], title: str) -> None:
     ax.set_title(title)
 
 
-def _draw_front(ax: Any, front: list[Point]) -> None:
+def _draw_front(ax: Axes, front: list[Point]) -> None:
     """Draw the Pareto front with its step sizes; neighbours with one step size get one label."""
     ax.plot([p.error for p in front], [p.seconds for p in front], "-", color=BLACK, linewidth=3.2, alpha=0.25, zorder=1)
     if front:
@@ -172,7 +175,7 @@ def _curves(runs: list[Point]) -> list[tuple[str, int | None, str, str]]:
     return curves
 
 
-def _add_line_keys(ax: Any, runs: list[Point]) -> None:
+def _add_line_keys(ax: Axes, runs: list[Point]) -> None:
     """Add the line styles to the legend."""
     for backend, line in LINES.items():
         if any(p.backend == backend for p in runs):
