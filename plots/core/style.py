@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import wraps
 from textwrap import wrap
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 
@@ -55,6 +55,20 @@ SETTINGS: dict[str, object] = {
     "legend.frameon": False,
     "svg.hashsalt": "softlab",  # makes equal figures equal files
 }
+
+
+class PointStyle(TypedDict, total=False):
+    """Arguments of matplotlib's `plot` for points and lines."""
+
+    color: str
+    marker: str
+    linestyle: str
+    label: str
+    linewidth: float
+    markersize: float
+    markerfacecolor: str
+    markeredgecolor: str
+    markeredgewidth: float
 
 
 @dataclass(frozen=True)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
 from softlab.bench.experiments.bar import (
     FINEST,
@@ -18,7 +18,16 @@ from softlab.bench.experiments.bar_rows import JELLY, Bar, first_backend, is_bar
 from softlab.bench.experiments.bar_strip import ACROSS, FREQUENCY, SAG
 from softlab.plots.core.colours import BLUE, GREEN, GREY, METHODS, ORANGE, PURPLE, SKY, VERMILLION
 from softlab.plots.core.data import Results, Source, judgements, needed
-from softlab.plots.core.style import LONG_LABEL, Drawing, as_figure, legend_below, new_figure, new_sheet, plain_ticks
+from softlab.plots.core.style import (
+    LONG_LABEL,
+    Drawing,
+    PointStyle,
+    as_figure,
+    legend_below,
+    new_figure,
+    new_sheet,
+    plain_ticks,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -72,9 +81,9 @@ def draw(results: Results) -> Drawing:
             size, some = SOME.get(solver, (1.0, SOME_LINKS))
             by_spacing = series(measured, solver, _fine, {"substeps": FINEST, "size": size})
             by_substeps = series(measured, solver, _substeps, {"fine": some, "size": size})
-            how: dict[str, Any] = {"color": colour, "marker": marker, "linestyle": line, "label": label}
+            how: PointStyle = {"color": colour, "marker": marker, "linestyle": line, "label": label}
             if solver == "mass-spring":  # drawn below the others, most of which coincide with it
-                how |= {"linewidth": 3.5, "markersize": 7.5}
+                how.update({"linewidth": 3.5, "markersize": 7.5})
             _curve(row[0], by_spacing, _fine, name, how)
             _curve(row[1], by_substeps, _substeps, name, how)
         row[0].set_ylabel(ROWS[name], fontsize=LONG_LABEL)
@@ -148,9 +157,7 @@ def _size(bar: Bar) -> float:
     return bar.size
 
 
-def _curve(
-    ax: Axes, measured: Sequence[Bar], where: Callable[[Bar], float], name: str, style: Mapping[str, Any]
-) -> None:
+def _curve(ax: Axes, measured: Sequence[Bar], where: Callable[[Bar], float], name: str, style: PointStyle) -> None:
     points = [(where(bar), part) for bar in measured if (part := bar.part(name)) is not None]
     if points:
         ax.plot(*zip(*points, strict=True), **style)

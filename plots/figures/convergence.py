@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from softlab.bench.experiments.accuracy.methods import XPBD
 from softlab.bench.experiments.convergence import BEFORE, CONVERGENCE, RESIDUAL, colours
@@ -111,7 +112,7 @@ def _shown(sides: list[int]) -> list[int]:
     return [*sides[: len(LINES) - 1], sides[-1]]
 
 
-def _panel(ax: Axes, entries: list[Converging], where: Any) -> None:
+def _panel(ax: Axes, entries: list[Converging], where: Callable[[Converging], float]) -> None:
     sides = _shown(sorted({entry.side for entry in entries}))
     for name, (colour, marker) in CURVES.items():
         for side, line in zip(sides, LINES, strict=False):

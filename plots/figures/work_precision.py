@@ -13,7 +13,7 @@ from softlab.model.scene.scene import load_scene
 from softlab.plots.core.accuracy_points import Point, points
 from softlab.plots.core.colours import BLACK, GREY, METHODS
 from softlab.plots.core.data import Results, Source, needed
-from softlab.plots.core.style import LONG_LABEL, Drawing, as_figure, legend_below, new_grid
+from softlab.plots.core.style import LONG_LABEL, Drawing, PointStyle, as_figure, legend_below, new_grid
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -45,7 +45,7 @@ XPBD = {  # in the work-precision diagram the markers are the iterations
     for name, marker in {"xpbd gauss-seidel": "o", "xpbd jacobi": "s", "xpbd averaged-jacobi": "X"}.items()
 }
 DRAWN_XPBD = ("xpbd gauss-seidel", "xpbd jacobi")
-DIGIT = {"markersize": 6.0, "markeredgewidth": 0.4}  # a number as a marker, legible
+DIGIT: PointStyle = {"markersize": 6.0, "markeredgewidth": 0.4}  # a number as a marker, legible
 LINES = {"cpu": "-", "gpu": "--"}
 NEAR = (0.4, 0.25)  # decades of error and of time: width and height of a label
 PALE = 0.35  # opacity of a marker whose time is suspect
@@ -121,8 +121,8 @@ def _draw_panel(ax: Axes, runs: list[Point], title: str) -> None:
                 alpha = PALE if p.suspect else 1.0
                 if p.low is not None and p.high is not None:
                     ax.plot([x, x], [p.low, p.high], color=colour, linewidth=0.8, zorder=2, alpha=alpha)
-                how: dict[str, str] = {"marker": marker, "linestyle": "", "color": colour, "markerfacecolor": face}
-                how |= DIGIT if iterations is not None else {"markersize": 3.5}
+                how: PointStyle = {"marker": marker, "linestyle": "", "color": colour, "markerfacecolor": face}
+                how.update(DIGIT if iterations is not None else {"markersize": 3.5})
                 ax.plot([x], [p.seconds], **how, zorder=3, clip_on=False, alpha=alpha)
         if iterations in (None, min((p.iterations or 0 for p in runs if p.integrator == name), default=None)):
             ax.plot([], [], marker if iterations is None else "-", color=colour, label=name)
