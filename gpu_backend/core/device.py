@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from functools import cache
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -101,7 +101,7 @@ def memory_info() -> tuple[int, int]:
     """Return (free, total) bytes of the GPU's memory."""
     from numba import cuda
 
-    info: Any = cuda.current_context().get_memory_info()
+    info = cuda.current_context().get_memory_info()
     return int(info[0]), int(info[1])
 
 

@@ -360,7 +360,7 @@ class Marked(Protocol):
 class Filled:
     """A formula whose open names are replaced by formulas."""
 
-    def __init__(self, function: Marked, names: dict[str, object]):
+    def __init__(self, function: Marked, names: Mapping[str, object]):
         self.function, self.names, self._key = function, names, (function, frozenset(names.items()))
         self.__name__, self.__module__, self.__doc__ = function.__name__, function.__module__, function.__doc__
         self.rounds_products, self.how = function.rounds_products, function.how
@@ -379,7 +379,7 @@ class Inlined(Filled):
     """A formula that is inlined together with everything that it calls."""
 
 
-def filled(function: Callable, names: dict[str, object]) -> Callable:
+def filled(function: Callable, names: Mapping[str, object]) -> Callable:
     """Return a formula in which the open `names` are replaced, also in the functions that it calls."""
     if isinstance(function, Filled):
         return type(function)(function.function, {**names, **function.names})
@@ -411,7 +411,7 @@ def open_names(function: Marked) -> frozenset[str]:
     return frozenset(names)
 
 
-def _filled_inside(value: object, names: dict[str, object]) -> object:
+def _filled_inside(value: object, names: Mapping[str, object]) -> object:
     """Return `value`, which a formula with `names` calls, with those of the names filled that are open in it or in
     these."""
     if not is_formula(value):
@@ -442,7 +442,7 @@ def _formula(function: object) -> Marked:
     raise TypeError(f"{function} is no formula: write @formula above it")
 
 
-def _parts(formula: Marked) -> tuple[Marked, dict[str, object]]:
+def _parts(formula: Marked) -> tuple[Marked, Mapping[str, object]]:
     """Return the function of a formula, and what replaces its open names."""
     return (formula.function, formula.names) if isinstance(formula, Filled) else (formula, {})
 
@@ -490,7 +490,7 @@ class Variant:
     def copied(self, formula: object) -> FunctionType:
         """Return a new copy of a formula or routine in this variant, not compiled; what it calls is."""
         function, names = _parts(_formula(formula))
-        known = vars(builtins) | function.__globals__ | names
+        known = {**vars(builtins), **function.__globals__, **names}
         rounded = self.product is not None and function.rounds_products
         code, used, constants = specialised(function, self.features, rounded)
         if undefined := sorted(used - known.keys() - constants.keys() - {PRODUCT}):
