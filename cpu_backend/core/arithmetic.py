@@ -10,7 +10,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from functools import cache
-from typing import Any
 
 import numba
 import numpy as np
@@ -53,7 +52,7 @@ def arithmetic_rate(precision: str, threads: int, budget: float = 0.2) -> float:
 
     `precision`: float32 or float64.
     """
-    real: Any = np.dtype(precision).type
+    real: Real = np.dtype(precision).type
     numba.set_num_threads(threads)
     rows = np.ones((threads, ROW), real)
     kernel = _make_chains(real)

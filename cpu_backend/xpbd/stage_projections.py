@@ -6,17 +6,17 @@ and `right` columns to the right; for right = -1 from column j + 1 to column j.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from numba import prange
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.scratch import cloth_variant
+from softlab.cpu_backend.core.simulation import RowsSimulation
 from softlab.cpu_backend.xpbd.tables import kind_of
-from softlab.model.base.types import Real
+from softlab.model.base.types import Feature, Real
 from softlab.model.base.variant import FEATURE, features_of, routine
 from softlab.model.contact.substep_parameters import (
     constants_of,
@@ -37,7 +37,7 @@ from softlab.model.formulas.distance import (
 )
 from softlab.model.formulas.distance import reciprocal as reciprocal_of
 from softlab.model.formulas.lengths import dot, squared_length, squared_length_3d
-from softlab.model.position_based.plan import FAMILIES, colour_order, families
+from softlab.model.position_based.plan import FAMILIES, Family, colour_order, families
 
 MARGIN = 2  # rows and columns of displacements around the sheet, without constraints
 
@@ -185,7 +185,7 @@ def attach(position, weights, anchor, max_distance):
 
 
 def _compiled(
-    routines: Sequence[Any], name: str, real: Real, math: str, words: frozenset[str], features: dict[str, Any]
+    routines: Sequence[Callable], name: str, real: Real, math: str, words: frozenset[str], features: dict[str, Feature]
 ) -> SimpleNamespace:
     """Compile kernels by their names; `words`: the parts that affect them."""
     compiler = Compiler(cloth_variant(f"{name}_{features['axes']}d", real, math, words), math)
@@ -210,7 +210,7 @@ def make_projections(real: Real, math: str, axes: int, parts: frozenset[str]) ->
 
 
 def bind_projections(
-    sim: Any,
+    sim: RowsSimulation,
     make: SimpleNamespace,
     position: np.ndarray,
     before: np.ndarray,
@@ -220,7 +220,7 @@ def bind_projections(
     """Return the functions of the stages of an iteration of `sim`, a cpu_backend.xpbd.solver.PositionBased."""
     parts = sim.plan.parts
 
-    def project(family: Any, colour: int) -> StageRun:
+    def project(family: Family, colour: int) -> StageRun:
         run, kind = make.kinds[family.kind].project, kind_of(family, colour, parts)
         multiplier = multipliers[FAMILIES.index(family)]
 

@@ -6,9 +6,9 @@ parameters: a reciprocal is 0 where there is no constraint, and kernels need no 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -55,10 +55,10 @@ def valence(family: Family, i: int, columns: int, rows: int) -> np.ndarray:
 class _Rows:
     """Different rows (n, columns), and the numbers of a sheet's rows among them."""
 
-    known: dict[Any, int]
+    known: dict[object, int]
     rows: list[np.ndarray]
 
-    def number(self, key: Any, make: Any) -> int:
+    def number(self, key: object, make: Callable[[], np.ndarray]) -> int:
         if key not in self.known:
             self.known[key] = len(self.rows)
             self.rows.append(make())
@@ -112,7 +112,7 @@ class Tables:
             k = FAMILIES.index(family)
             for i in range(self.rows - family.rows):
                 colour = i % 2 if family.rows and "alternating" in self.parts else 0
-                key: tuple[Any, ...] = family.name, colour, self.weight_row[i], self.weight_row[i + family.rows]
+                key: tuple[object, ...] = family.name, colour, self.weight_row[i], self.weight_row[i + family.rows]
                 if "jacobi" in self.parts:
                     key = *key, id(self._valence_rows[i]), id(self._valence_rows[i + family.rows])
                 number[k, i] = rows.number(key, lambda f=family, i=i: self._row(f, i, record))
@@ -134,7 +134,7 @@ class Tables:
             out[: len(total)][selected] = self._values(total[selected], constants)
         return out
 
-    def _values(self, total: np.ndarray, constants: Any) -> np.ndarray:
+    def _values(self, total: np.ndarray, constants: np.record) -> np.ndarray:
         different, which = np.unique(total, return_inverse=True)
         if self.parts & {"load", "jacobi", "averaged-jacobi"}:
             values = [

@@ -354,6 +354,8 @@ class Marked(Protocol):
     __code__: CodeType
     __globals__: dict[str, object]
 
+    def __hash__(self) -> int: ...
+
     def __call__(self, *arguments: object) -> Any: ...
 
 
@@ -501,8 +503,10 @@ class Variant:
         space |= {name: self.real(value) for name, value in constants.items()}
         space |= {"__name__": function.__module__, "__builtins__": builtins, PRODUCT: self.product}
         exec(code, space)
-        space[function.__name__].softlab_formula = function, self.features, rounded  # of specialised_tree
-        return space[function.__name__]
+        copied = space[function.__name__]
+        assert isinstance(copied, FunctionType)
+        copied.__dict__["softlab_formula"] = function, self.features, rounded  # of specialised_tree
+        return copied
 
     def _within(self, value: object, caller: Marked) -> object:
         """Return the value of a global of the formula `caller` in this variant."""

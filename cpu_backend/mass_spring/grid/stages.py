@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from numba import prange
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.own_forces import bind_forces
+from softlab.cpu_backend.core.simulation import RowsSimulation
 from softlab.cpu_backend.mass_spring.motion_stages import bind_motion, make_motion_stages
 from softlab.model.base.types import Real
 from softlab.model.base.variant import FEATURE, routine
@@ -71,7 +71,7 @@ def make_stages(real: Real, math: str, integrator: str, alternating: bool = Fals
     return stages
 
 
-def bind_stages(sim: Any) -> dict[str, StageRun]:
+def bind_stages(sim: RowsSimulation) -> dict[str, StageRun]:
     """Return the function of each named stage of `sim`, a cpu_backend.mass_spring.grid.solver.MassSpring."""
     alternating = "alternating" in sim.plan.parts
     make = make_stages(sim.real, sim.options.math, sim.scene.method.integrator, alternating)
