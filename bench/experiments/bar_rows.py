@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 from rich.console import Console
 
@@ -16,6 +15,7 @@ from softlab.bench.measure.items import Items
 from softlab.bench.measure.tables import columns, print_table
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import Measure, measures
+from softlab.bench.store.schema import Description
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ def rows(stored: Iterable[Measure]) -> list[Bar]:
     return [_bar(key, of) for key, of in by_key.items()]
 
 
-def _key(description: dict[str, Any]) -> Key:
+def _key(description: Description) -> Key:
     jelly = description["finding"] == BODY
     return (
         description["backend"], description["precision"], JELLY if jelly else str(description.get("solver", "")),

@@ -54,7 +54,7 @@ def arithmetic_rate(precision: str, threads: int, budget: float = 0.2) -> float:
     """
     real: Real = np.dtype(precision).type
     numba.set_num_threads(threads)
-    rows = np.ones((threads, ROW), real)
+    rows: np.ndarray = np.ones((threads, ROW), real)
     kernel = _make_chains(real)
     arguments = rows, REPEATS, real(0.999), real(1e-3)  # fixed point 1: values neither grow nor become denormal
     kernel(*arguments)

@@ -14,6 +14,7 @@ from collections.abc import Callable
 import numpy as np
 
 from softlab.gpu_backend.core.device import simulated
+from softlab.model.base.types import Index
 from softlab.model.base.variant import instruction
 
 PATIENCE = 1 << 22  # checks of a flag, some seconds, before a block gives up
@@ -24,12 +25,12 @@ if simulated():
         """Return (raise_flag, read_flag), see below."""
 
         @instruction
-        def raise_flag(flags: np.ndarray, index: int, value: int) -> None:
+        def raise_flag(flags: np.ndarray, index: Index, value: Index) -> None:
             """Set flags[index] = value, after everything this thread's block wrote before its last barrier."""
             flags[index] = value
 
         @instruction
-        def read_flag(flags: np.ndarray, index: int) -> int:
+        def read_flag(flags: np.ndarray, index: Index) -> int:
             """Return the current flags[index]; everything written before by the writer can be read after the block's
             next barrier."""
             return flags[index]
@@ -37,7 +38,7 @@ if simulated():
         return raise_flag, read_flag
 
     @instruction
-    def load_fresh_pair(array: np.ndarray, index: int) -> complex:
+    def load_fresh_pair(array: np.ndarray, index: Index) -> complex:
         """Return array[index] of a contiguous complex array that other blocks write to."""
         return array[index]
 

@@ -19,7 +19,7 @@ import numpy as np
 
 from softlab.gpu_backend.core.compile import inlined
 from softlab.gpu_backend.core.device import simulated
-from softlab.model.base.types import Real
+from softlab.model.base.types import Index, Number, Real
 from softlab.model.base.variant import FEATURE, inlined_routine, instruction
 
 
@@ -38,25 +38,25 @@ if simulated():
         time.sleep(0)
 
     @instruction
-    def _send_32(array: np.ndarray, index: int, x: float, y: float, z: float, tag: int) -> None:
+    def _send_32(array: np.ndarray, index: Index, x: Number, y: Number, z: Number, tag: Index) -> None:
         k = 4 * int(index)
         array[k], array[k + 1], array[k + 2] = x, y, z
         array[k + 3] = tag
 
     @instruction
-    def _receive_32(array: np.ndarray, index: int) -> tuple[float, float, float, int]:
+    def _receive_32(array: np.ndarray, index: Index) -> tuple[float, float, float, int]:
         k = 4 * int(index)
         tag = array[k + 3]
         return array[k], array[k + 1], array[k + 2], tag
 
     @instruction
-    def _send_64(array: np.ndarray, index: int, x: float, tag: int) -> None:
+    def _send_64(array: np.ndarray, index: Index, x: Number, tag: Index) -> None:
         k = 2 * int(index)
         array[k] = x
         array[k + 1] = tag
 
     @instruction
-    def _receive_64(array: np.ndarray, index: int) -> tuple[float, int]:
+    def _receive_64(array: np.ndarray, index: Index) -> tuple[float, int]:
         k = 2 * int(index)
         tag = array[k + 1]
         return array[k], tag
@@ -68,7 +68,7 @@ if simulated():
         return arrived
 
     @instruction
-    def pause(cycles: int) -> None:
+    def pause(cycles: Index) -> None:
         """Wait for that many cycles of the multiprocessor."""
 
 else:

@@ -10,17 +10,18 @@ from __future__ import annotations
 import numpy as np
 
 from softlab.gpu_backend.core.device import simulated
+from softlab.model.base.types import Index, Number
 from softlab.model.base.variant import instruction
 
 if simulated():
 
     @instruction
-    def load_pair(array: np.ndarray, index: int) -> complex:
+    def load_pair(array: np.ndarray, index: Index) -> complex:
         """Return array[index] of a contiguous complex array."""
         return array[index]
 
     @instruction
-    def store_pair(array: np.ndarray, index: int, x: float, y: float) -> None:
+    def store_pair(array: np.ndarray, index: Index, x: Number, y: Number) -> None:
         """Set array[index] = x + i y."""
         array[index] = complex(x, y)
 

@@ -13,17 +13,18 @@ from collections.abc import Sequence
 import numpy as np
 
 from softlab.gpu_backend.core.device import simulated
+from softlab.model.base.types import Index, Number
 from softlab.model.base.variant import instruction
 
 if simulated():
 
     @instruction
-    def near(array: np.ndarray, place: int, distance: int) -> float:
+    def near(array: np.ndarray, place: Index, distance: Index) -> float:
         """Return array[place + distance] of a contiguous array of scalars."""
         return array[int(place) + int(distance)]
 
     @instruction
-    def put_near(array: np.ndarray, place: int, distance: int, value: float) -> None:
+    def put_near(array: np.ndarray, place: Index, distance: Index, value: Number) -> None:
         """Set array[place + distance] = value."""
         array[int(place) + int(distance)] = value
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from softlab.gpu_backend.core.device import simulated
+from softlab.model.base.types import Index, Number
 from softlab.model.base.variant import FEATURE, inlined_routine, instruction, unrolled
 
 AXES = 3
@@ -23,13 +24,13 @@ SIZE = 4  # scalars
 if simulated():
 
     @instruction
-    def load_quad(array: np.ndarray, index: int) -> tuple[float, float, float, float]:
+    def load_quad(array: np.ndarray, index: Index) -> tuple[float, float, float, float]:
         """Return (x, y, z, fourth number) of mass `index` in a flat array of scalars."""
         k = SIZE * int(index)
         return array[k], array[k + 1], array[k + 2], array[k + 3]
 
     @instruction
-    def store_quad(array: np.ndarray, index: int, x: float, y: float, z: float, spare: float) -> None:
+    def store_quad(array: np.ndarray, index: Index, x: Number, y: Number, z: Number, spare: Number) -> None:
         """Set mass `index` = (x, y, z, fourth number)."""
         k = SIZE * int(index)
         array[k], array[k + 1], array[k + 2], array[k + 3] = x, y, z, spare

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
+import numpy as np
+
+Index = int | np.integer
+Number = float | np.floating
 Real = type  # of a precision: np.float32 or np.float64
 Feature = bool | int | str  # a constant of a variant
 Features = Mapping[str, Feature]  # by their names in FEATURES of model/base/variant.py

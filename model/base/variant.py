@@ -44,7 +44,7 @@ from typing import Any, Protocol, TypeGuard, TypeVar
 
 import numpy as np
 
-from softlab.model.base.types import Compile, Feature, Features, FeatureSet, Real
+from softlab.model.base.types import Compile, Feature, Features, FeatureSet, Index, Number, Real
 
 F = TypeVar("F", bound=Callable)
 Node = TypeVar("Node", bound=ast.AST)
@@ -252,9 +252,9 @@ FEATURE = _Features()
 class OfPrecision(float):
     """A constant that depends on the precision: `make(real)`. As plain Python it is the one of float64."""
 
-    make: Callable[[Real], float]
+    make: Callable[[Real], Number]
 
-    def __new__(cls, make: Callable[[Real], float]) -> OfPrecision:
+    def __new__(cls, make: Callable[[Real], Number]) -> OfPrecision:
         constant = super().__new__(cls, make(np.float64))
         constant.make = make
         return constant
@@ -271,7 +271,7 @@ class CountOfPrecision(int):
         return count
 
 
-def real(number: float) -> np.floating:
+def real(number: Number | Index) -> np.floating:
     """Return a number in the variant's precision; as plain Python, in float64."""
     return np.float64(number)
 
@@ -550,7 +550,7 @@ class Formulas:
         return self.variant(formula)
 
 
-def features_of(parts: Iterable[str]) -> dict[str, bool]:
+def features_of(parts: Iterable[str]) -> dict[str, Feature]:
     """Return the features that a scene's `parts` switch on or leave off, by their names in FEATURES."""
     present = {part.replace("-", "_") for part in parts}
     return {name: name in present for name in FEATURES if name in OF_PARTS or name in present}
