@@ -62,7 +62,7 @@ def groups(store: Store, backends: Sequence[str], quick: bool) -> list[Group]:
         effort = costs_timing.QUICK if quick else costs_timing.FULL
         scenes = [scene for _, _, scene in settled]
         run = partial(_timed, scenes, descriptions, effort)
-        all_groups.append(Group(f"costs, {backend}", descriptions, cost_sources(backend, __file__), run, 10))
+        all_groups.append(Group(f"costs, {backend}", descriptions, cost_sources(backend, [__file__]), run, 10))
     return all_groups
 
 

@@ -6,6 +6,7 @@ All scenes have the same parts, some of them switched off or far away, so that k
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -49,13 +50,13 @@ def method(substeps: int = 1, iterations: int = 1, dt: float = 0.01) -> Table:
     return {"solver": "shape-matching", "dt": dt, "substeps": substeps, "iterations": iterations}
 
 
-def bodies_scene(*, gravity: float = 9.81, damping: float = 0.0, plane: Table = AWAY, **tables: Table) -> Scene:
+def bodies_scene(*, gravity: float = 9.81, damping: float = 0.0, plane: Table = AWAY, **tables: Any) -> Scene:
     """Return a scene of bodies; `tables`: bodies and the method."""
     world = {"gravity": {"acceleration": gravity}, "damping": {"coefficient": damping}, "plane": plane}
     return Scene(world | {"method": method()} | tables, "bodies")
 
 
-def meeting(gravity: float = 0.0, substeps: int = 1, iterations: int = 1, dt: float = 0.01, **tables: Table) -> Scene:
+def meeting(gravity: float = 0.0, substeps: int = 1, iterations: int = 1, dt: float = 0.01, **tables: Any) -> Scene:
     """Return a scene of bodies in contact; `contact`: fields of that part."""
     contact = CONTACT | tables.pop("contact", {})
     return bodies_scene(gravity=gravity, contact=contact, method=method(substeps, iterations, dt), **tables)

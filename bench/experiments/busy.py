@@ -72,7 +72,7 @@ def beside(kind: str) -> Iterator[subprocess.Popen[str] | None]:
 
 def groups(effort: Effort, scenes: Iterable[str] = tuple(SCENES)) -> list[Group]:
     """Return a group for each scene, kernel and kind of program: (one thread, a thread per core, at least two)."""
-    sources = cost_sources("cpu", __file__)
+    sources = cost_sources("cpu", [__file__])
     all_groups = []
     for name in scenes:
         for kernel, kind in product(SCENES[name], BESIDE):

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import pairwise
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from softlab.bench.experiments.body_scenes import SAMPLED, bodies_scene
 from softlab.model.assets.clusters import Clusters
-from softlab.model.base.table import Table
 from softlab.model.particles.body_set import BodySet, Copy
 from softlab.model.particles.links import LinkedCopies, make_links
 from softlab.model.scene.scene import Scene
@@ -19,7 +19,7 @@ from softlab.model.scene.scene import Scene
 BODY = {"kind": "rigid_body", "particle_spacing": 0.14, **SAMPLED}  # the body that they replace
 
 
-def by_hand(clusters: Clusters, links: Sequence[LinkedCopies] = (), **tables: Table) -> Scene:
+def by_hand(clusters: Clusters, links: Sequence[LinkedCopies] = (), **tables: Any) -> Scene:
     """Return a scene whose body set is these clusters and links, as one body."""
     scene = bodies_scene(**{"body": BODY, "gravity": 0.0, **tables})
     copies = (Copy("body", SimpleNamespace(clusters=clusters, lattice=None), 0, 0, 0),)  # type: ignore[arg-type]
@@ -33,14 +33,17 @@ def by_hand(clusters: Clusters, links: Sequence[LinkedCopies] = (), **tables: Ta
 
 
 def clusters_of(
-    position: ArrayLike, members: Sequence[ArrayLike], stiffness: ArrayLike = np.inf, mass: ArrayLike | None = None
+    position: ArrayLike,
+    members: Sequence[Sequence[int] | np.ndarray],
+    stiffness: ArrayLike = np.inf,
+    mass: ArrayLike | None = None,
 ) -> Clusters:
     """Return clusters at `position`; each of `members` lists the particles of a cluster."""
-    position, sizes = np.asarray(position, dtype=np.float64), [len(one) for one in members]
+    at, sizes = np.asarray(position, dtype=np.float64), [len(one) for one in members]
     return Clusters(
         np.concatenate([[0], np.cumsum(sizes)]).astype(np.int32), np.concatenate(members).astype(np.int32),
         np.ones(sum(sizes)), np.full(len(members), stiffness, float) if np.isscalar(stiffness) else np.asarray(stiffness),
-        np.ones(len(position)) if mass is None else np.asarray(mass, dtype=np.float64), position,
+        np.ones(len(at)) if mass is None else np.asarray(mass, dtype=np.float64), at,
     )  # fmt: skip
 
 

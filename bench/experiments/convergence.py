@@ -86,7 +86,7 @@ def groups(store: Store, backends: Sequence[str], quick: bool) -> list[Group]:
     effort, sizes = (QUICK, SIZES[:1]) if quick else (FULL, SIZES)
     all_groups = []
     for backend in backends:
-        sources = cost_sources(backend, __file__)
+        sources = cost_sources(backend, [__file__])
         for n, iterations in product(sizes, ITERATIONS):
             scenes = tuple(sheet(n, name, iterations) for name in XPBD)
             descriptions = tuple(described(scene, backend, CONVERGENCE, precision=PRECISION) for scene in scenes)

@@ -168,7 +168,7 @@ def groups(
     }
     all_groups = []
     for backend in backends:
-        sources = cost_sources(backend, __file__)
+        sources = cost_sources(backend, [__file__])
         for precision, ((a, e), scenes) in product(precisions, scenes_by_bar.items()):
             descriptions = tuple(described(scene, backend, TETRAHEDRA, precision=precision) for scene in scenes)
             name = f"{a} across, {e:.0e} Pa, {precision}, {backend}"

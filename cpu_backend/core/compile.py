@@ -11,6 +11,7 @@ from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from types import ModuleType
+from typing import Any, Literal, TypedDict
 
 import numba
 from numba.core.caching import CompileResultCacheImpl, FunctionCache
@@ -27,6 +28,15 @@ from softlab.model.base.variant import Formulas, Variant
 # Optimisations of `fast`. Not `reassoc`, which would cancel the (p' - p) of the hand-out's step; not `nnan` and `ninf`,
 # since a diverging state must stay visible.
 FAST = frozenset({"contract", "arcp", "afn", "nsz"})
+
+
+class JitOptions(TypedDict, total=False):
+    """Options of numba.njit."""
+
+    fastmath: bool | set[str]
+    error_model: Literal["python", "numpy"]
+    nogil: bool
+    forceinline: bool
 
 
 class _KernelFiles(NamedByContent, CompileResultCacheImpl):
@@ -60,7 +70,7 @@ class Compiler:
 
     def __init__(self, variant: str, math: str):
         self.variant = variant
-        self.options: dict[str, object] = {
+        self.options: JitOptions = {
             "fastmath": set(FAST) if math == "fast" else False,
             "error_model": "numpy",  # by default every quotient has a branch that prevents vectorisation
             "nogil": True,
@@ -68,7 +78,7 @@ class Compiler:
         # They are only called from kernels: without wrappers for Python and C a variant compiles in 4/5 of the time.
         # They allocate nothing, so no reference counting is needed.
         self._variants: dict[tuple[object, ...], Variant] = {}
-        self._inner: dict[str, bool] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "_nrt": False}
+        self._inner: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "_nrt": False}
 
     def compiled(self, function: Callable) -> Callable:
         return self._compiled_once(function)
@@ -158,13 +168,14 @@ class Compiler:
     def _compiled_once(
         self, function: Callable, pipeline_class: type[LinkedPipeline] = LinkedPipeline, inline: bool = False
     ) -> Callable:
-        options: dict[str, bool] = {"forceinline": True} if inline else {}
+        options: dict[str, Any] = {"forceinline": True} if inline else {}
         content = content_digest(function, self.options, options, pipeline_class.__name__, _HOW)
         if content not in _shared:
-            _shared[content] = numba.njit(**self.options, **self._inner, **options, pipeline_class=pipeline_class)(
+            compiled = numba.njit(**self.options, **self._inner, **options, pipeline_class=pipeline_class)(
                 named(function, content)
             )
-            _shared[content].softlab_content = content
+            compiled.__dict__["softlab_content"] = content
+            _shared[content] = compiled
         return _shared[content]
 
 

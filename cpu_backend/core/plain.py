@@ -66,8 +66,8 @@ def _sqrt(number: np.floating) -> np.floating:
     return type(number)(math.sqrt(number)) if number >= 0 else number - number + math.nan * number
 
 
-def _whole(kind: type[np.integer]) -> Callable[[float], np.integer]:
-    def convert(number: float) -> np.integer:
+def _whole(kind: type[np.integer]) -> Callable[[float], np.integer | np.ndarray]:
+    def convert(number: float) -> np.integer | np.ndarray:
         try:
             return kind(number)
         except (ValueError, OverflowError):  # NaN and numbers out of range, for which processors also return a value
@@ -118,7 +118,7 @@ def translated(dispatcher: Any) -> Callable:
 
 def _is_dispatcher(dispatcher: Dispatcher) -> bool:
     """Return True if a kernel has machine code, from this process or cached."""
-    return bool(dispatcher.overloads) or getattr(dispatcher._cache, "has_any", False)
+    return bool(dispatcher.overloads) or getattr(getattr(dispatcher, "_cache", None), "has_any", False)
 
 
 def _arrays(arguments: Iterable[object]) -> Iterator[np.ndarray]:

@@ -14,6 +14,7 @@ import ctypes
 import platform
 import sys
 from collections.abc import Iterator
+from typing import Any
 
 import llvmlite.binding
 import numba
@@ -150,7 +151,7 @@ def bide(checks, spins):
 
 # ---------------------------------------------------------------------- teams
 
-_inner: dict[str, bool] = {"nogil": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True, "_nrt": False}
+_inner: dict[str, Any] = {"nogil": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True, "_nrt": False}
 
 
 @numba.njit(nogil=True)

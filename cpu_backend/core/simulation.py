@@ -113,7 +113,7 @@ class CpuSimulation(Simulation):
         return self._record
 
     @property
-    def parameters(self) -> np.record:
+    def parameters(self) -> Any:
         """The constants that compiled functions read by name."""
         return self._record[0]
 

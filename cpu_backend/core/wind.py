@@ -167,8 +167,8 @@ def wind(state, record, integers, step, offset, acceleration):
 
 def wind_features(parts: frozenset[str], at: dict[str, int]) -> dict[str, Feature]:
     """Return the features of `wind_cells` and `add_wind`; `at`: of triples_of."""
-    return features_of(parts) | {
-        "at_first": at.get("first", 0), "at_second": at.get("second", 0), "at_close": at["close"]
+    return {
+        **features_of(parts), "at_first": at.get("first", 0), "at_second": at.get("second", 0), "at_close": at["close"]
     }  # fmt: skip
 
 

@@ -181,7 +181,8 @@ def link(i, later, sheet):
 
 def family_features(parts: frozenset[str], axes: int, family: Family, several: bool) -> dict[str, Feature]:
     """Return the features of the routines of a family. In a single iteration multipliers are 0 and not stored."""
-    return features_of(parts) | {
+    return {
+        **features_of(parts),
         "axes": axes, "family": FAMILIES.index(family), "rows_down": family.rows, "columns_along": abs(family.columns),
         "rising": family.columns < 0, "soft": several and f"{family.kind}-compliance" in parts,
         "damped": f"{family.kind}-damping" in parts,

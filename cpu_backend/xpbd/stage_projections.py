@@ -8,15 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 from numba import prange
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.scratch import cloth_variant
-from softlab.cpu_backend.core.simulation import RowsSimulation
 from softlab.cpu_backend.xpbd.tables import kind_of
-from softlab.model.base.types import Feature, Real
+from softlab.model.base.types import Features, Real
 from softlab.model.base.variant import FEATURE, features_of, routine
 from softlab.model.contact.substep_parameters import (
     constants_of,
@@ -185,11 +185,11 @@ def attach(position, weights, anchor, max_distance):
 
 
 def _compiled(
-    routines: Sequence[Callable], name: str, real: Real, math: str, words: frozenset[str], features: dict[str, Feature]
+    routines: Sequence[Callable], name: str, real: Real, math: str, words: frozenset[str], features: Features
 ) -> SimpleNamespace:
     """Compile kernels by their names; `words`: the parts that affect them."""
     compiler = Compiler(cloth_variant(f"{name}_{features['axes']}d", real, math, words), math)
-    variant = compiler.variant_of(real, features_of(words) | features)
+    variant = compiler.variant_of(real, {**features_of(words), **features})
     return SimpleNamespace(**{one.__name__: compiler.kernel(variant.copied(one)) for one in routines})
 
 
@@ -210,7 +210,7 @@ def make_projections(real: Real, math: str, axes: int, parts: frozenset[str]) ->
 
 
 def bind_projections(
-    sim: RowsSimulation,
+    sim: Any,
     make: SimpleNamespace,
     position: np.ndarray,
     before: np.ndarray,

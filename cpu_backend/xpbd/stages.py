@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import cache
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +18,6 @@ from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.own_forces import bind_forces
 from softlab.cpu_backend.core.point_stages import make_point_stages
 from softlab.cpu_backend.core.scratch import cloth_variant
-from softlab.cpu_backend.core.simulation import RowsSimulation
 from softlab.cpu_backend.core.wind import make_wind_stage
 from softlab.cpu_backend.xpbd.stage_projections import bind_projections, make_projections
 from softlab.model.base.types import Real
@@ -30,7 +30,7 @@ from softlab.model.tables.cloth import COLLIDER_KINDS
 def make_position_stages(real: Real, math: str, axes: int, parts: frozenset[str]) -> SimpleNamespace:
     """Make the stage kernels of a variant; each is compiled when it first runs, for the parts that affect it."""
 
-    def build(make: Callable, words: Sequence[str]) -> Callable:
+    def build(make: Callable, words: Sequence[str]) -> Any:
         matter = frozenset(part for part in parts if part.split("-")[0] in words)
         return make(Compiler(cloth_variant("xpbd_stage", real, math, matter), math), real, matter)
 
@@ -41,7 +41,7 @@ def make_position_stages(real: Real, math: str, axes: int, parts: frozenset[str]
     return stages
 
 
-def bind_position_stages(sim: RowsSimulation) -> dict[str, StageRun]:
+def bind_position_stages(sim: Any) -> dict[str, StageRun]:
     """Return the function of each named stage of `sim`, a cpu_backend.xpbd.solver.PositionBased."""
     axes, parts = sim.scene.dimensions, sim.plan.parts
     make = make_position_stages(sim.real, sim.options.math, axes, parts)

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
 from softlab.model.base.types import Real
 from softlab.model.base.variant import plain_formulas
-from softlab.model.contact.substep_parameters import constants_of
+from softlab.model.contact.substep_parameters import Constants, constants_of
 from softlab.model.core.build import Body
 from softlab.model.formulas import distance
 from softlab.model.position_based.plan import FAMILIES, Family, families
@@ -99,7 +99,7 @@ class Tables:
     def valences(self) -> tuple[np.ndarray, np.ndarray]:
         """Return ((n, columns) as `real`, (rows,) the number of a row's)."""
         rows = _Rows({}, [])
-        number = [rows.number(id(row), lambda row=row: row) for row in self._valence_rows]
+        number = [rows.number(id(row), partial(np.asarray, row)) for row in self._valence_rows]
         return np.array(rows.rows), np.array(number, np.int64)
 
     def reciprocals(self, record: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -115,7 +115,7 @@ class Tables:
                 key: tuple[object, ...] = family.name, colour, self.weight_row[i], self.weight_row[i + family.rows]
                 if "jacobi" in self.parts:
                     key = *key, id(self._valence_rows[i]), id(self._valence_rows[i + family.rows])
-                number[k, i] = rows.number(key, lambda f=family, i=i: self._row(f, i, record))
+                number[k, i] = rows.number(key, partial(self._row, family, i, record))
         return np.array(rows.rows), number
 
     def _row(self, family: Family, i: int, record: np.ndarray) -> np.ndarray:
@@ -134,7 +134,7 @@ class Tables:
             out[: len(total)][selected] = self._values(total[selected], constants)
         return out
 
-    def _values(self, total: np.ndarray, constants: np.record) -> np.ndarray:
+    def _values(self, total: np.ndarray, constants: Constants) -> np.ndarray:
         different, which = np.unique(total, return_inverse=True)
         if self.parts & {"load", "jacobi", "averaged-jacobi"}:
             values = [

@@ -6,6 +6,7 @@ All routines pass on `sheet`, a Sheet.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -183,7 +184,7 @@ def sheet_features(parts: frozenset[str], axes: int, classes: int) -> dict[str, 
     }  # fmt: skip
 
 
-def walk_of(compiler: Compiler, real: Real, axes: int, parts: frozenset[str], classes: int) -> dict[str, Feature]:
+def walk_of(compiler: Compiler, real: Real, axes: int, parts: frozenset[str], classes: int) -> dict[str, Callable]:
     """Return what is open in `begin_row`."""
     uneven = compiler.variant_of(real, sheet_features(parts, axes, classes) | {"uneven": True})
     return {"predict_uneven": uneven(predict)}

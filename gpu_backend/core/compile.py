@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from functools import cache
 from types import SimpleNamespace
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numba import cuda
@@ -19,6 +19,9 @@ from softlab.model.base.digest import content_digest, file_name
 from softlab.model.base.kernel_cache import NamedByContent, NotifyingCache, Place, attach_cache
 from softlab.model.base.types import Compile, Real
 from softlab.model.base.variant import Variant
+
+if TYPE_CHECKING:
+    from numba.cuda.cudadrv.driver import CudaPythonFunction as CudaFunction
 
 
 class Kernel(Protocol):
@@ -33,10 +36,17 @@ class Kernel(Protocol):
         """Compile the kernel for arguments of these types."""
 
 
+class CodeLibrary(Protocol):
+    """numba's machine code of a kernel."""
+
+    def get_cufunc(self) -> CudaFunction: ...
+
+
 class CompiledKernel(Protocol):
     """A kernel for arguments of given types."""
 
     cooperative: bool
+    _codelibrary: CodeLibrary
 
     def max_cooperative_grid_blocks(self, threads: int) -> int:
         """Return the number of blocks that the device runs at once."""

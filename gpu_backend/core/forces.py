@@ -76,7 +76,7 @@ def with_forces(kernel: Callable, parts: frozenset[str]) -> Callable:
 
 def particle_features(parts: frozenset[str], axes: int = AXES) -> dict[str, Feature]:
     """Return the features of kernels that move particles: of their forces, their motion, colliders and the clock."""
-    return features_of(parts) | {"axes": axes, "timed": knows_time(parts)}
+    return {**features_of(parts), "axes": axes, "timed": knows_time(parts)}
 
 
 @cache

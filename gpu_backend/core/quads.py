@@ -24,7 +24,7 @@ SIZE = 4  # scalars
 if simulated():
 
     @instruction
-    def load_quad(array: np.ndarray, index: Index) -> tuple[float, float, float, float]:
+    def load_quad(array: np.ndarray, index: Index) -> tuple:
         """Return (x, y, z, fourth number) of mass `index` in a flat array of scalars."""
         k = SIZE * int(index)
         return array[k], array[k + 1], array[k + 2], array[k + 3]

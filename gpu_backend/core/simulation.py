@@ -232,6 +232,7 @@ class CudaSimulation(Simulation):
         if not on_device and self._normals is None:
             self._normals = cuda.to_device(np.zeros(self.body.position.shape, self.real), stream=self.stream)
         out = cuda.as_cuda_array(into) if on_device else self._normals
+        assert out is not None
         self._tools.write_normal[self._flat](self.position[self._current], out, *self._normal_arguments())
         self.synchronize()
         if on_device:

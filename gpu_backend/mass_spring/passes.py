@@ -68,19 +68,21 @@ class SheetPasses(CudaSimulation):
 
     def _many(self, count: int) -> None:
         """Launch `count` equal passes (steps of RK4) with the chosen kernel."""
-        if self._tiles is None and self.kernel != "one-block":
+        tiles = self._tiles
+        if tiles is None and self.kernel != "one-block":
             self._repeat(count, self._launch, 1)
             return
-        if self.kernel == "tiles":
-            halo = self._tiles.tile.halo
+        if self.kernel == "tiles" and tiles is not None:
+            halo = tiles.tile.halo
             launches, count = divmod(count, halo)
-            self._repeat(launches, self._tiles.launch_many, halo)
+            self._repeat(launches, tiles.launch_many, halo)
         if count:
             self._launch_on_chip(count)
             self._count_on(count)
 
     def _launch_on_chip(self, count: int) -> None:
         """Do `count` passes in one launch, with the sheet, or a tile of it, on the chip."""
+        assert self._tiles is not None
         self._tiles.launch(0, count)
 
     def _advance_steps(self, step: int, steps: int) -> None:

@@ -293,18 +293,18 @@ def integer_formula(function: F) -> F:
     return _marked(function, rounds_products=False)
 
 
-def routine(function: F) -> F:
+def routine(function: Callable) -> Callable:
     """Mark a kernel, or a part of one that reads or writes arrays, as one that variants compile. Raises TypeError: it is
     not at the top level of a file."""
     return _marked(function, rounds_products=False)
 
 
-def row_routine(function: F) -> F:
+def row_routine(function: Callable) -> Callable:
     """Mark a routine as a loop along rows: its arrays do not overlap, except for those that it only reads."""
     return _marked(function, rounds_products=False, how="row")
 
 
-def inlined_routine(function: F) -> F:
+def inlined_routine(function: Callable) -> Callable:
     """Mark a routine whose arguments cost more to pass than its body, or are arrays in registers."""
     return _marked(function, rounds_products=False, how="inlined")
 
@@ -550,7 +550,7 @@ class Formulas:
         return self.variant(formula)
 
 
-def features_of(parts: Iterable[str]) -> dict[str, Feature]:
+def features_of(parts: Iterable[str]) -> dict[str, bool]:
     """Return the features that a scene's `parts` switch on or leave off, by their names in FEATURES."""
     present = {part.replace("-", "_") for part in parts}
     return {name: name in present for name in FEATURES if name in OF_PARTS or name in present}

@@ -69,27 +69,35 @@ def _parts(figure: Figure) -> Iterator[object]:
 
 
 def _artist(artist: Artist) -> Iterator[object]:
+    from matplotlib.collections import Collection
+    from matplotlib.image import AxesImage
+    from matplotlib.legend import Legend
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+    from matplotlib.text import Text
+
     yield type(artist).__name__, artist.get_visible(), artist.get_alpha(), artist.get_zorder(), str(artist.get_label())
-    if hasattr(artist, "get_texts"):  # a legend, whose handles are parts themselves
+    if isinstance(artist, Legend):  # whose handles are parts themselves
         yield [text.get_text() for text in artist.get_texts()], artist.get_title().get_text()
-        for handle in artist.legend_handles:
+        for handle in filter(None, artist.legend_handles):
             yield from _artist(handle)
-    if hasattr(artist, "get_text"):
-        yield artist.get_text(), artist.get_position(), artist.get_fontsize(), artist.get_rotation(), artist.get_ha()
-        yield artist.get_va(), getattr(artist, "xyann", None), getattr(artist, "xy", None), str(artist.get_color())
-    if hasattr(artist, "get_xydata"):
+    if isinstance(artist, Text):
+        yield artist.get_text(), artist.get_position(), artist.get_fontsize(), artist.get_rotation()
+        yield artist.get_horizontalalignment(), artist.get_verticalalignment()
+        yield getattr(artist, "xyann", None), getattr(artist, "xy", None), str(artist.get_color())
+    if isinstance(artist, Line2D):
         yield np.asarray(artist.get_xydata(), float)
         yield artist.get_linestyle(), str(artist.get_marker()), artist.get_linewidth(), artist.get_markersize()
         yield str(artist.get_color()), str(artist.get_markerfacecolor()), str(artist.get_markeredgecolor())
-    if hasattr(artist, "get_offsets"):  # a collection
+    if isinstance(artist, Collection):
         yield from (path.vertices for path in artist.get_paths())
         for values in (artist.get_offsets(), artist.get_facecolor(), artist.get_edgecolor(), artist.get_linewidth()):
             yield np.asarray(values, float)
         yield np.asarray([] if artist.get_array() is None else artist.get_array(), float)
-    elif hasattr(artist, "get_path") and hasattr(artist, "get_facecolor"):  # a patch
+    if isinstance(artist, Patch):
         yield artist.get_path().vertices, tuple(artist.get_facecolor()), tuple(artist.get_edgecolor())
         yield np.asarray(artist.get_patch_transform().get_matrix()), artist.get_hatch(), artist.get_linestyle()
-    if hasattr(artist, "get_extent") and hasattr(artist, "get_array"):  # an image
+    if isinstance(artist, AxesImage):
         yield np.asarray(artist.get_array()), tuple(artist.get_extent())
 
 

@@ -66,7 +66,7 @@ def time_in_turn(
                 failed.append((budget, str(problem)))
         if not ready:
             return [], failed
-        record = Record(store, run, cost_sources(ready[0][0].backend, *files))
+        record = Record(store, run, cost_sources(ready[0][0].backend, files))
         costs = in_turn(record, [subject for _, subject in ready], QUICK.repeats)
     return [(budget, numbers) for (budget, _), numbers in zip(ready, costs, strict=True)], failed
 

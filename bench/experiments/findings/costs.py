@@ -73,7 +73,7 @@ def check_groups(backend: str, effort: Effort, most: int | None = None) -> list[
     """Return groups for the lab's grid at several sizes, both precisions, default kernel: (without checks, with
     checks).
     """
-    sources = cost_sources(backend, str(stepping.__file__))
+    sources = cost_sources(backend, [str(stepping.__file__)])
     all_groups = []
     for n in CHECK_SIZES[backend]:
         if most and n > most:

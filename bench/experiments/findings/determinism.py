@@ -53,7 +53,7 @@ def determinism(backend: str, effort: Effort, most: int | None = None) -> list[G
         from softlab.bench.experiments.findings import scatter_gpu
 
         files = [checks.__file__, scatter_gpu.__file__]
-    sources = cost_sources(backend, *map(str, files), __file__)
+    sources = cost_sources(backend, [*map(str, files), __file__])
     all_groups = []
     for n in SIZES[backend]:
         if most and n > most:

@@ -47,7 +47,7 @@ class Delivered(Subject):
 def steady_groups(backend: str, effort: Effort, quick: bool) -> list[Group]:
     """Return the groups of both findings on a backend; `quick`: two step sizes, the small sheet, no longest run."""
     base = load_scene(SCENES["S1"]).replace({"method.integrator": METHOD})
-    sources = cost_sources(backend, __file__)
+    sources = cost_sources(backend, [__file__])
     sizes, sides, lengths = (STEP_SIZES[:4:2], SIDES[:1], LENGTHS[:3]) if quick else (STEP_SIZES[::2], SIDES, LENGTHS)
     variants = [(base.replace({"method.dt": dt}), state) for dt in sizes for state in ("start", "rest")]
     descriptions = tuple(

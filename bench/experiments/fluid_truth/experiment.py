@@ -74,7 +74,7 @@ def groups(store: Store, backends: Sequence[str], quick: bool, peers: bool = Fal
                 others = [component(f"{BESIDE}:peer_of", "--peers")(method) for method in PEERS.get(kind, ())]
                 runs += [Run(beside[0], backend, peer) for peer in others if peer.backend == backend]
             process = Path(__file__).parents[2].glob("peers/fluids/splishsplash_process.py")
-            sources = cost_sources(backend, *map(str, (*sorted(Path(__file__).parent.glob("*.py")), *process)))
+            sources = cost_sources(backend, [*sorted(Path(__file__).parent.glob("*.py")), *process])
             descriptions = tuple(run.description for run in runs)
             measure = partial(_measured, runs, descriptions, QUICK if quick else FULL)
             all_groups.append(Group(f"{kind}, {backend}", descriptions, sources, measure, len(runs)))

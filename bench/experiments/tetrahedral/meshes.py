@@ -64,7 +64,7 @@ def mesh_items(store: Store, backends: Sequence[str], quick: bool) -> list[Findi
                 description = described(scene, "cpu", MESH, precision="float64")
                 items.append(Finding(PART, description, f"{digest}-m1", partial(mesh_part, scene)))
     for backend in backends:
-        sources = f"{cost_sources(backend, __file__)}-{digest}"
+        sources = f"{cost_sources(backend, [__file__])}-{digest}"
         for solver, iterations in SOLVERS.items():
             usual = (SUBSTEPS[0], SUBSTEPS[2]) if quick else SUBSTEPS
             for substeps in OF_SECOND if solver == SECOND else usual:

@@ -22,7 +22,7 @@ from softlab.cpu_backend.core.simulation import RowsSimulation
 from softlab.cpu_backend.core.wind import make_wind_stage
 from softlab.cpu_backend.mass_spring.cloth.kernels import PIN_ROWS
 from softlab.cpu_backend.mass_spring.cloth.stage_forces import make_spring_stage
-from softlab.cpu_backend.mass_spring.motion_stages import bind_motion, make_motion_stages
+from softlab.cpu_backend.mass_spring.motion_stages import Planes, bind_motion, make_motion_stages
 from softlab.model.base.types import Real
 from softlab.model.base.variant import routine
 from softlab.model.contact.cloth_parameters import (
@@ -80,7 +80,7 @@ def bind_cloth_stages(sim: RowsSimulation) -> dict[str, StageRun]:
     acceleration = tuple(sums)
     state = tuple(sim.current)
     before = tuple(sim.current[:3].copy()) if len(sim.kinds) else ()
-    at = {"state": state}  # state at which forces are evaluated: the state, or a stage of RK4
+    at: dict[str, Planes] = {"state": state}  # state at which forces are evaluated: the state, or a stage of RK4
     pin_rows, pin_columns = np.divmod(sim.body.pinned, sim.body.columns)
     whole_step = 1 if integrator == "velocity-verlet" else 0  # a step's end is the next one's start, to the last bit
 

@@ -50,8 +50,8 @@ RESIDENT: dict[Real, dict[str, dict[int, float]]] = {
 # end measured
 # of `one-block` and `graph`: us per step at least, plus us per million masses; `one-block` in float64 estimated as
 # twice that
-ONE_BLOCK = {np.float32: (0.1, 1330.0), np.float64: (0.2, 2660.0)}
-GRAPH = {np.float32: (2.2, 18.6), np.float64: (3.2, 44.0)}
+ONE_BLOCK: dict[Real, tuple[float, float]] = {np.float32: (0.1, 1330.0), np.float64: (0.2, 2660.0)}
+GRAPH: dict[Real, tuple[float, float]] = {np.float32: (2.2, 18.6), np.float64: (3.2, 44.0)}
 
 
 def why_not_one_block(scene: Scene, real: Real, parts: frozenset[str], limits: tuple[int, int] | None = None) -> str:

@@ -50,6 +50,8 @@ def why_no_cloth_tile(
 class ClothTiles(TileLaunches):
     """The launches of `resident`, for gpu_backend/mass_spring/cloth/solver.py."""
 
+    simulation: QuadPasses
+
     def __init__(self, simulation: QuadPasses, kernel: str, tile: Tile):
         super().__init__(simulation, kernel, tile)
         real, parts = simulation.real, simulation.plan.parts

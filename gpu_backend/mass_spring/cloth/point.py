@@ -149,7 +149,7 @@ def current_step(counter, pass_number):
     return NO_STEP
 
 
-def pulls_of(parts: frozenset[str], system: str = "") -> dict[str, object]:
+def pulls_of(parts: frozenset[str], system: str = "") -> dict[str, Callable]:
     """Return the pulls of springs by their open names.
 
     `system`: of implicit Euler, `end` for pulls at the step's end, with the velocity there and the position without it;

@@ -23,7 +23,7 @@ from softlab.model.scene.scene import Scene
 # us per step of `resident` on a tile, by the blocks that share a multiprocessor; all run at once, so the grid's size
 # does not matter otherwise
 # begin measured
-RESIDENT = {
+RESIDENT: dict[Real, dict[str, dict[int, float]]] = {
     np.float32: {
         "32x8x4h10": {1: 0.56},
         "48x8x4h8": {1: 0.83},
@@ -37,12 +37,15 @@ RESIDENT = {
     },
 }
 # of `tiles`: the tile; us per step at least, plus us per million masses of all tiles together, halos included
-TILES = {np.float32: ("64x4x16h4", 1.4, 2.75), np.float64: ("64x4x8h4", 2.0, 4.91)}
+TILES: dict[Real, tuple[str, float, float]] = {
+    np.float32: ("64x4x16h4", 1.4, 2.75),
+    np.float64: ("64x4x8h4", 2.0, 4.91),
+}
 # end measured
 # of `one-block`: us per step at least, plus us per thousand masses
-ONE_BLOCK = {np.float32: (0.10, 0.33), np.float64: (0.15, 0.66)}
+ONE_BLOCK: dict[Real, tuple[float, float]] = {np.float32: (0.10, 0.33), np.float64: (0.15, 0.66)}
 # of `graph`: us per launch, plus us per million masses
-GRAPH = {np.float32: (1.35, 6.3), np.float64: (1.95, 12.5)}
+GRAPH: dict[Real, tuple[float, float]] = {np.float32: (1.35, 6.3), np.float64: (1.95, 12.5)}
 
 MEASURED_ON = "NVIDIA H200"
 MEASURED_LIMITS = (132, 227 << 10)  # its multiprocessors, and the bytes of shared memory that a block can have

@@ -168,7 +168,7 @@ def on_tiles(
     features = {**grid_features(integrator, parts), **tile_features(tile), "cut": cut, "whole": whole}
     moves = moves_of(integrator, parts)
     runs = {name: filled(run_steps, {"move": move}) for name, move in moves.items() if name != "step"}
-    names = runs or {"middle": filled(run_steps, {"move": moves["step"]})}
+    names: dict[str, object] = {**runs} or {"middle": filled(run_steps, {"move": moves["step"]})}
     names |= {"pair_dtype": pair_type(real)}
     return device_variant(real, math, features), filled(kernel, names)
 
