@@ -34,7 +34,7 @@ def by_hand(clusters: Clusters, links: Sequence[LinkedCopies] = (), **tables: An
 
 def clusters_of(
     position: ArrayLike,
-    members: Sequence[Sequence[int] | np.ndarray],
+    members: Sequence[Sequence[int] | np.ndarray] | np.ndarray,
     stiffness: ArrayLike = np.inf,
     mass: ArrayLike | None = None,
 ) -> Clusters:

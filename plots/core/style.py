@@ -57,6 +57,9 @@ SETTINGS: dict[str, object] = {
 }
 
 
+Dash = str | tuple[float, tuple[float, ...]]  # a line style of matplotlib
+
+
 class PointStyle(TypedDict, total=False):
     """Arguments of matplotlib's `plot` for points and lines."""
 
@@ -78,7 +81,7 @@ class Curve:
     label: str
     colour: str
     marker: str
-    line: str = "-"
+    line: Dash = "-"
 
 
 THREADS = {
@@ -225,7 +228,7 @@ def draw_times(
     x = np.array([timing.particles for timing in right], float)
     y = np.array([value(timing, timing.median) for timing in right])
     if light:
-        ax.plot(x, y, curve.line, color=curve.colour, linewidth=1.0, label=curve.label, zorder=1)
+        ax.plot(x, y, linestyle=curve.line, color=curve.colour, linewidth=1.0, label=curve.label, zorder=1)
         return
     ends = np.array([[value(timing, timing.low), value(timing, timing.high)] for timing in right])
     wrong = [(t.particles, value(t, t.median)) for t in times if is_wrong(t)]
@@ -247,9 +250,9 @@ def draw_band(
     if len(x):
         low, high = ends.min(axis=1), ends.max(axis=1)
         ax.fill_between(x, low, high, color=curve.colour, alpha=0.18, linewidth=0)
-        ax.plot(x, y, curve.line, color=curve.colour, label=curve.label, marker=curve.marker, zorder=3)
+        ax.plot(x, y, linestyle=curve.line, color=curve.colour, label=curve.label, marker=curve.marker, zorder=3)
     if any(suspect):
-        face = {"markerfacecolor": "white", "markeredgecolor": curve.colour}
+        face: PointStyle = {"markerfacecolor": "white", "markeredgecolor": curve.colour}
         ax.plot(x[np.array(suspect)], y[np.array(suspect)], curve.marker, **face, zorder=4)
     ax.plot([x for x, _ in wrong], [y for _, y in wrong], "x", color=BLACK, zorder=5)
 

@@ -117,9 +117,9 @@ def draw_clusters(results: Results) -> Drawing:
     for region, (colour, marker) in REGIONS.items():
         windows = series(measured, "shape-matching", _fine, {"substeps": FINEST, "size": region})
         wide = 2 * region + 1
-        style = {"color": colour, "marker": marker}
-        _curve(left, windows, _fine, SAG, style | {"label": f"windows of {wide} x {wide}"})
-        _curve(left, windows, _fine, ACROSS, style | {"linestyle": ":", "markersize": 3})
+        style: PointStyle = {"color": colour, "marker": marker}
+        _curve(left, windows, _fine, SAG, {**style, "label": f"windows of {wide} x {wide}"})
+        _curve(left, windows, _fine, ACROSS, {**style, "linestyle": ":", "markersize": 3})
     across = any(bar.solver == "shape-matching" and ACROSS in bar.values for bar in measured)
     if across:
         left.plot([], [], ":", color=GREY, label="loaded across")

@@ -45,7 +45,7 @@ def draw_states(results: Results) -> Drawing:
     shown = needed(_shown(rows))
     lines = -(-len(shown) // ACROSS)
     figure = new_sheet(PANEL * lines)
-    axes = figure.subplots(lines, ACROSS, squeeze=False).ravel()
+    axes = list(figure.subplots(lines, ACROSS, squeeze=False).ravel())
     for ax in axes:
         ax.set_axis_off()
     for ax, row in zip(axes, shown, strict=False):

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from softlab.plots.core.accuracy_points import Point, order_points, points
 from softlab.plots.core.colours import GREY, VERMILLION
 from softlab.plots.core.data import Results, needed
@@ -56,7 +58,7 @@ def _draw_panel(ax: Axes, runs: list[Point]) -> None:
     halves = [p for p in order_points(runs, "lab") if p.half]
     if halves:
         x, y, label = [p.dt for p in halves], [p.half for p in halves], "lab, against half the acceleration"
-        ax.plot(x, y, "--", marker="*", color=VERMILLION, label=label)
+        ax.plot(x, np.array(y, float), "--", marker="*", color=VERMILLION, label=label)
     log_axes(ax, x_label="step size / ms")
     steps = sorted({p.dt for p in runs if not p.diverged})
     _draw_slopes(ax, runs, steps)

@@ -50,7 +50,9 @@ def draw(results: Results) -> Drawing:
     """
     source = needed(results.first(lambda s: len(sizes(s)) > 1))
     figure, (left, right) = new_figure(2, HEIGHT, sharey=False)
-    figure.axes[0].get_gridspec().set_width_ratios((5, 2))
+    grid = left.get_gridspec()
+    assert grid is not None
+    grid.set_width_ratios((5, 2))
     by_size = sizes(source)
     _map(left, by_size)
     _ratios(right, by_size)

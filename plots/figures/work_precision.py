@@ -5,6 +5,8 @@ from __future__ import annotations
 from math import log10
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from softlab.bench.experiments.accuracy.methods import admitted
 from softlab.bench.experiments.accuracy.points import CLOTHS, pareto_front
 from softlab.bench.experiments.accuracy.points import SCENES as GRIDS
@@ -113,7 +115,7 @@ def _draw_panel(ax: Axes, runs: list[Point], title: str) -> None:
         for backend, line in LINES.items():
             curve = [p for p in runs if (p.integrator, p.iterations, p.backend) == (name, iterations, backend)]
             sound = [p for p in curve if not _lost(p) and p.error > 0]
-            ax.plot([p.error for p in sound], [p.seconds for p in sound], line, color=colour, linewidth=0.9, zorder=2,
+            ax.plot([p.error for p in sound], _seconds(sound), line, color=colour, linewidth=0.9, zorder=2,
                     alpha=PALE if any(p.suspect for p in sound) else 1.0)  # fmt: skip
             for p in curve:
                 x = edge if _lost(p) else p.error
@@ -123,7 +125,7 @@ def _draw_panel(ax: Axes, runs: list[Point], title: str) -> None:
                     ax.plot([x, x], [p.low, p.high], color=colour, linewidth=0.8, zorder=2, alpha=alpha)
                 how: PointStyle = {"marker": marker, "linestyle": "", "color": colour, "markerfacecolor": face}
                 how.update(DIGIT if iterations is not None else {"markersize": 3.5})
-                ax.plot([x], [p.seconds], **how, zorder=3, clip_on=False, alpha=alpha)
+                ax.plot([x], _seconds([p]), **how, zorder=3, clip_on=False, alpha=alpha)
         if iterations in (None, min((p.iterations or 0 for p in runs if p.integrator == name), default=None)):
             ax.plot([], [], marker if iterations is None else "-", color=colour, label=name)
     _draw_front(ax, pareto_front(runs))
@@ -137,9 +139,14 @@ def _draw_panel(ax: Axes, runs: list[Point], title: str) -> None:
     ax.set_title(title)
 
 
+def _seconds(runs: list[Point]) -> np.ndarray:
+    """Return the times of points, NaN of those that were not timed."""
+    return np.array([p.seconds for p in runs], float)
+
+
 def _draw_front(ax: Axes, front: list[Point]) -> None:
     """Draw the Pareto front with its step sizes; neighbours with one step size get one label."""
-    ax.plot([p.error for p in front], [p.seconds for p in front], "-", color=BLACK, linewidth=3.2, alpha=0.25, zorder=1)
+    ax.plot([p.error for p in front], _seconds(front), "-", color=BLACK, linewidth=3.2, alpha=0.25, zorder=1)
     if front:
         ax.plot([], [], "-", color=BLACK, linewidth=3.2, alpha=0.25, label="Pareto front")
     labelled = [p for before, p in zip([None, *front], front, strict=False) if before is None or before.dt != p.dt]

@@ -7,6 +7,7 @@ searched for the settings that keep their density.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 from softlab.bench.experiments.advise.advice import Advice
 from softlab.bench.experiments.advise.experiment import TOTAL_SECONDS, advise
@@ -26,7 +27,7 @@ def measure_advice(
     *,
     time: float | None = None,
     total_seconds: float = TOTAL_SECONDS,
-    how: Mapping[str, object],
+    how: Mapping[str, Any],
 ) -> Advice | TetrahedraAdvice | FluidAdvice:
     """Return the advice of `advise`, `advise_tetrahedra` or `advise_fluids`, which take `how`.
 

@@ -43,6 +43,9 @@ class FluidPeer(Protocol):
     name: str
     backend: str
 
+    def available(self) -> tuple[bool, str]:
+        """Return (whether it is installed, its version or what to install)."""
+
 
 @dataclass(frozen=True)
 class Run:
