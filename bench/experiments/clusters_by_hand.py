@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from types import SimpleNamespace
 from typing import Any
@@ -34,11 +34,12 @@ def by_hand(clusters: Clusters, links: Sequence[LinkedCopies] = (), **tables: An
 
 def clusters_of(
     position: ArrayLike,
-    members: Sequence[Sequence[int] | np.ndarray] | np.ndarray,
+    members: Iterable[Sequence[int] | np.ndarray],
     stiffness: ArrayLike = np.inf,
     mass: ArrayLike | None = None,
 ) -> Clusters:
     """Return clusters at `position`; each of `members` lists the particles of a cluster."""
+    members = list(members)
     at, sizes = np.asarray(position, dtype=np.float64), [len(one) for one in members]
     return Clusters(
         np.concatenate([[0], np.cumsum(sizes)]).astype(np.int32), np.concatenate(members).astype(np.int32),

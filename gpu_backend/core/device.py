@@ -25,6 +25,16 @@ class Stream(Protocol):
     def synchronize(self) -> None: ...
 
 
+class Event(Protocol):
+    """A place in the work of a stream."""
+
+    def record(self, stream: Stream) -> None: ...
+
+    def wait(self, stream: Stream) -> None: ...
+
+    def query(self) -> bool: ...
+
+
 class DeviceArray(Protocol):
     """An array in the device's memory; in the simulator an array of the host."""
 

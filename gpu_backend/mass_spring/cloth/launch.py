@@ -71,5 +71,5 @@ class ClothTiles(TileLaunches):
     def _arguments(self, number: int, passes: int) -> Arguments:
         s = self.simulation
         constants = (s.record, s.bodies, s.integers, s._counter)
-        border = (*self._borders, np.int32(self._epoch), self._failed)
+        border: Arguments = (*self._borders, np.int32(self._epoch), self._failed)
         return (*s.states(), *border, *constants, np.int64(passes), *s.shape)

@@ -74,7 +74,7 @@ class TileLauncher(TileLaunches):
         s = self.simulation
         states, tail = s.states(), (np.int64(passes), s.pinned, *s.shape)
         if self.kernel == "resident":
-            border = (*self._borders, self._flags, np.int32(self._epoch), self._failed)
+            border: Arguments = (*self._borders, self._flags, np.int32(self._epoch), self._failed)
             return (*states, *border, s.record, s.integers, s._counter, *tail)
         place = np.int32(first), np.int32(self.tiles[1])
         return (*states, s.record, s.integers, s._counter, np.int64(number), *tail, *place)
