@@ -6,7 +6,7 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from time import monotonic
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from rich.console import Console
 from rich.table import Table
@@ -24,9 +24,6 @@ from softlab.plots.draw import FIGURES, FigureFiles, draw_figures, figures_folde
 from softlab.plots.figures.energies import draw_energies, read_energies
 
 ABLATED = ("lab-curtain", "lab-hammock")  # scenes of `softlab lab` for `softlab ablate`
-
-
-Ended = TypeVar("Ended", bound=Summary)
 Result = TypeVar("Result")
 
 
@@ -128,7 +125,7 @@ def whole_lab(console: Console, *, quick: bool, store_path: Path, command: str) 
             files.append(("lab book", book))
 
     with Store(store_path) as store:
-        parts = {"doctor": lambda: print_findings(console, examine())}
+        parts: dict[str, Callable[[], object]] = {"doctor": lambda: print_findings(console, examine())}
         parts |= _measurements(console, store, quick, command)
         parts["figures and lab book"] = draw_and_write
         whole = Whole("lab", {name: last.get(name, 1.0) for name in parts})
@@ -160,7 +157,7 @@ def _measurements(console: Console, store: Store, quick: bool, command: str) -> 
     from softlab.bench.stress.report import print_hard
     from softlab.model.scene.scene import load_scene
 
-    def job(run: Callable[..., Ended], show: Callable[[Console, Ended], None] | None = None) -> Callable[[], Ended]:
+    def job(run: Callable[..., Summary], show: Callable[[Console, Any], None] | None = None) -> Callable[[], None]:
         return lambda: _report(console, run(store, command=command), show)
 
     def findings() -> None:
@@ -195,15 +192,14 @@ def _measurements(console: Console, store: Store, quick: bool, command: str) -> 
     return {name: parts[name] for name in wanted}
 
 
-def _report(console: Console, summary: Ended, show: Callable[[Console, Ended], None] | None = None) -> Ended:
-    """Print the summary of a measurement and return it. Raises KeyboardInterrupt if the measurement was interrupted."""
+def _report(console: Console, summary: Summary, show: Callable[[Console, Any], None] | None = None) -> None:
+    """Print the summary of a measurement. Raises KeyboardInterrupt if the measurement was interrupted."""
     if show is None:
         console.print(str(summary), markup=False, soft_wrap=True)
     else:
         show(console, summary)
     if summary.interrupted:
         raise KeyboardInterrupt
-    return summary
 
 
 def _attempt(console: Console, job: Callable[[], Result]) -> Result | None:

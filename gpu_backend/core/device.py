@@ -49,6 +49,8 @@ class DeviceArray(Protocol):
 
     def __getitem__(self, index: int | slice) -> DeviceArray: ...
 
+    def __len__(self) -> int: ...
+
 
 Argument = DeviceArray | np.generic | int | float | tuple  # of a kernel; a tuple is a group of them
 Arguments = tuple[Argument, ...]

@@ -153,6 +153,7 @@ class NcclSimulation(GpuWindows):
     def __init__(self, scene: Scene, options: Options, count: int, steps: int | None = None):
         require_gpu()
         nccl()
+        self._world: Intracomm | None = None
         if launched_ranks() > 1:
             self._world = world_of(count, "--gpus")
             place = self._world.Split_type(mpi().COMM_TYPE_SHARED).Get_rank()  # among the processes of this host
@@ -163,7 +164,7 @@ class NcclSimulation(GpuWindows):
                 )
             places, devices = [self._world.Get_rank()], [place % gpu_count()]
         else:
-            self._world, places, devices = None, list(range(count)), devices_for(count)
+            places, devices = list(range(count)), devices_for(count)
             if len(set(devices)) < count:
                 raise BackendUnavailable("NCCL needs one GPU per window", "use --link flags")
         super().__init__(scene, options, cut(scene, count, steps, "--gpus"), places, devices)

@@ -82,10 +82,10 @@ class ParticlesExchange(Exchange):
         )
 
     def _record(self, events: Sequence[Event | None]) -> None:
-        for place, window in enumerate(self.windows):
-            if events[place] is not None:
-                with at(self.devices[place]):
-                    events[place].record(window.stream)
+        for event, device, window in zip(events, self.devices, self.windows, strict=True):
+            if event is not None:
+                with at(device):
+                    event.record(window.stream)
 
     @staticmethod
     def _await(event: Event | None, window: CudaSimulation) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from softlab.gpu_backend.core.device import DeviceArray, simulated
@@ -10,7 +12,7 @@ from softlab.gpu_backend.core.simulation import CudaSimulation
 from softlab.gpu_backend.domains.kernels import unit_of
 
 
-def _address(array: DeviceArray) -> int:
+def _address(array: Any) -> int:
     return int(array.ctypes.data if simulated() else array.__cuda_array_interface__["data"][0])
 
 
