@@ -27,7 +27,7 @@ def gpu_simulated() -> bool:
     return os.environ.get("NUMBA_ENABLE_CUDASIM", "0") not in ("0", "")
 
 
-def gpu_facts() -> dict[str, object]:
+def gpu_facts() -> dict[str, Any]:
     """Return the FACTS of the GPU for the record of a machine; None if unknown, or without a GPU."""
     facts: dict[str, object] = dict.fromkeys(FACTS)
     available, name = gpu_or_reason()
