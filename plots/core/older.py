@@ -20,7 +20,7 @@ from softlab.bench.store.schema import SAME
 from softlab.bench.store.versions import digest_of, sources_of
 from softlab.plots.core.data import Results, Source
 
-Kept = TypeVar("Kept", Timing, Measure)
+Item = TypeVar("Item", Timing, Measure)
 UNKNOWN = "a commit that was not recorded"
 
 
@@ -102,7 +102,7 @@ def _without(source: Source) -> Source:
         return source
     dropped = {id(item) for item in older_items(source)}
 
-    def current(items: Iterable[Kept]) -> tuple[Kept, ...]:
+    def current(items: Iterable[Item]) -> tuple[Item, ...]:
         return tuple(item for item in items if id(item) not in dropped)
 
     def current_of(table: dict[str, Timing]) -> dict[str, Timing]:
