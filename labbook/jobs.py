@@ -6,13 +6,14 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from time import monotonic
-from typing import Any
+from typing import Any, TypeVar
 
 from rich.console import Console
 from rich.table import Table
 
+from softlab.bench.measure.experiment import Summary
 from softlab.bench.measure.progress import Whole, last_seconds, progress_bar, store_seconds
-from softlab.bench.store.database import DEFAULT_PATH
+from softlab.bench.store.database import DEFAULT_PATH, Store
 from softlab.labbook.build import build, committed_data, write_book
 from softlab.model.base.components import component
 from softlab.model.base.errors import InputError, SoftlabError
@@ -23,6 +24,7 @@ from softlab.plots.draw import FIGURES, FigureFiles, draw_figures, figures_folde
 from softlab.plots.figures.energies import draw_energies, read_energies
 
 ABLATED = ("lab-curtain", "lab-hammock")  # scenes of `softlab lab` for `softlab ablate`
+Result = TypeVar("Result")
 
 
 def _prepare(folder: Path) -> None:
@@ -105,7 +107,6 @@ def whole_lab(console: Console, *, quick: bool, store_path: Path, command: str) 
     from softlab.app.command.tables import print_findings
     from softlab.bench.measure.machine import enter_machine
     from softlab.bench.measure.tables import print_fastest
-    from softlab.bench.store.database import Store
 
     kind = "lab --quick" if quick else "lab"
     last = last_seconds(kind)
@@ -113,7 +114,7 @@ def whole_lab(console: Console, *, quick: bool, store_path: Path, command: str) 
         console.print(f"last time this took {sum(last.values()):.0f} s on this machine")
     folder = store_path.parent
     figures, book = folder / "figures", folder / "labbook.pdf"
-    files: list[tuple[str, Any]] = [("store", store_path)]
+    files: list[tuple[str, object]] = [("store", store_path)]
 
     def draw_and_write() -> None:
         results = load(store_path, committed_data())
@@ -124,7 +125,7 @@ def whole_lab(console: Console, *, quick: bool, store_path: Path, command: str) 
             files.append(("lab book", book))
 
     with Store(store_path) as store:
-        parts = {"doctor": lambda: print_findings(console, examine())}
+        parts: dict[str, Callable[[], object]] = {"doctor": lambda: print_findings(console, examine())}
         parts |= _measurements(console, store, quick, command)
         parts["figures and lab book"] = draw_and_write
         whole = Whole("lab", {name: last.get(name, 1.0) for name in parts})
@@ -142,7 +143,7 @@ def whole_lab(console: Console, *, quick: bool, store_path: Path, command: str) 
     console.print(f"{sum(whole.seconds.values()):.0f} s in all: {slowest}", soft_wrap=True)
 
 
-def _measurements(console: Console, store: Any, quick: bool, command: str) -> dict[str, Callable[[], Any]]:
+def _measurements(console: Console, store: Store, quick: bool, command: str) -> dict[str, Callable[[], object]]:
     """Return the measurements of `softlab lab` by name, in order; each prints its results."""
     from softlab.bench.experiments.accuracy.experiment import run_accuracy
     from softlab.bench.experiments.advise.ablate import ablate
@@ -156,10 +157,8 @@ def _measurements(console: Console, store: Any, quick: bool, command: str) -> di
     from softlab.bench.stress.report import print_hard
     from softlab.model.scene.scene import load_scene
 
-    def job(
-        run: Callable[..., Any], show: Callable[[Console, Any], None] | None = None, **how: Any
-    ) -> Callable[[], Any]:
-        return lambda: _report(console, run(store, command=command, **how), show)
+    def job(run: Callable[..., Summary], show: Callable[[Console, Any], None] | None = None) -> Callable[[], None]:
+        return lambda: _report(console, run(store, command=command), show)
 
     def findings() -> None:
         for one in experiments():
@@ -176,35 +175,34 @@ def _measurements(console: Console, store: Any, quick: bool, command: str) -> di
     def kernels() -> None:
         with gathering(progress=True):
             for run in (run_sweep, run_accuracy, stability):
-                summary: Any = run(store, quick=quick, progress=False, command=command)
+                summary = run(store, quick=quick, progress=False, command=command)
                 if summary.interrupted:
                     raise KeyboardInterrupt
 
-    parts: dict[str, Callable[[], Any]] = {
+    parts: dict[str, Callable[[], object]] = {
         "kernels and references: made before anything is measured": kernels,
-        "sweep: time per step": job(run_sweep, print_sweep, quick=quick),
-        "accuracy: speed against error": job(run_accuracy, quick=quick),
+        "sweep: time per step": job(partial(run_sweep, quick=quick), print_sweep),
+        "accuracy: speed against error": job(partial(run_accuracy, quick=quick)),
         "findings: the small experiments": findings,
-        "stability: where it breaks": job(stability, quick=quick),
-        "hard cases: what each integrator makes of them": job(run_hard, print_hard, pictures=False),
+        "stability: where it breaks": job(partial(stability, quick=quick)),
+        "hard cases: what each integrator makes of them": job(partial(run_hard, pictures=False), print_hard),
         "what the scenes need": needs,
     }
     wanted = [name for name in parts if not quick or name.startswith(("kernels", "sweep", "accuracy", "stability"))]
     return {name: parts[name] for name in wanted}
 
 
-def _report(console: Console, summary: Any, show: Callable[[Console, Any], None] | None = None) -> Any:
-    """Print the summary of a measurement and return it. Raises KeyboardInterrupt if the measurement was interrupted."""
+def _report(console: Console, summary: Summary, show: Callable[[Console, Any], None] | None = None) -> None:
+    """Print the summary of a measurement. Raises KeyboardInterrupt if the measurement was interrupted."""
     if show is None:
         console.print(str(summary), markup=False, soft_wrap=True)
     else:
         show(console, summary)
     if summary.interrupted:
         raise KeyboardInterrupt
-    return summary
 
 
-def _attempt(console: Console, job: Callable[[], Any]) -> Any:
+def _attempt(console: Console, job: Callable[[], Result]) -> Result | None:
     """Return the result of the job; if the machine cannot do it, print the reason and return None."""
     try:
         return job()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
+from types import TracebackType
 from typing import Any
 
 from softlab.bench.cluster.folder import Status
@@ -26,8 +27,10 @@ class WorkerBars:
         self.all = self.bars.add_task("waiting for workers", total=None)
         return self
 
-    def __exit__(self, *error: object) -> None:
-        self.bars.__exit__(*error)
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self.bars.__exit__(kind, error, traceback)
 
     def show(
         self, plan: Mapping[str, float], done: Collection[str], statuses: Iterable[Status], here: Collection[str]

@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from functools import lru_cache
 from math import pi
-from typing import Any
 
 import numpy as np
 
@@ -46,6 +45,7 @@ from softlab.bench.experiments.bar_strip import (
 )
 from softlab.bench.measure.costs_timing import Measures
 from softlab.model.assets.soft_body import DENSITY, SoftBody
+from softlab.model.base.table import Table
 from softlab.model.core.build import build
 from softlab.model.core.simulation import State
 from softlab.model.geometry.shapes import Shape
@@ -68,7 +68,7 @@ def standing_sag(layers: int) -> float:
     return WEIGHT * LENGTH * (LENGTH - LENGTH / layers) / (2 * SPEED**2)
 
 
-def sampled(layers: int, overlap: float) -> dict[str, Any]:
+def sampled(layers: int, overlap: float) -> Table:
     """Return the sampling fields of a soft body: a lattice of so many layers, clusters with a radius of `overlap`
     spacings.
     """

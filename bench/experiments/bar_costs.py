@@ -10,7 +10,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 from softlab.app.driver import open_simulation
 from softlab.bench.experiments.bar import (
@@ -33,7 +32,7 @@ from softlab.bench.measure.items import Group, Items, cost_sources
 from softlab.bench.measure.timing import Subject, prepare
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import Measure, by_configuration
-from softlab.bench.store.schema import tables_by_kind
+from softlab.bench.store.schema import Description, tables_by_kind
 from softlab.model.base.errors import SoftlabError
 from softlab.model.scene.scene import Scene
 
@@ -63,12 +62,12 @@ def groups(store: Store, backends: Sequence[str], quick: bool) -> list[Group]:
         effort = costs_timing.QUICK if quick else costs_timing.FULL
         scenes = [scene for _, _, scene in settled]
         run = partial(_timed, scenes, descriptions, effort)
-        all_groups.append(Group(f"costs, {backend}", descriptions, cost_sources(backend, __file__), run, 10))
+        all_groups.append(Group(f"costs, {backend}", descriptions, cost_sources(backend, [__file__]), run, 10))
     return all_groups
 
 
 def _timed(
-    scenes: Sequence[Scene], descriptions: Sequence[dict[str, Any]], effort: Effort, record: Record
+    scenes: Sequence[Scene], descriptions: Sequence[Description], effort: Effort, record: Record
 ) -> list[Measures]:
     results: list[Measures] = [{} for _ in descriptions]
     with ExitStack() as stack:

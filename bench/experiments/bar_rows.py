@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 from rich.console import Console
 
@@ -16,6 +15,7 @@ from softlab.bench.measure.items import Items
 from softlab.bench.measure.tables import columns, print_table
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import Measure, measures
+from softlab.bench.store.schema import Description
 
 
 @dataclass(frozen=True)
@@ -65,12 +65,17 @@ def rows(stored: Iterable[Measure]) -> list[Bar]:
     return [_bar(key, of) for key, of in by_key.items()]
 
 
-def _key(description: dict[str, Any]) -> Key:
+def _first(description: Description, names: Sequence[str]) -> float:
+    """Return the first of these fields that a configuration has, else 0."""
+    return next((description[name] for name in names if name in description), 0)
+
+
+def _key(description: Description) -> Key:
     jelly = description["finding"] == BODY
     return (
         description["backend"], description["precision"], JELLY if jelly else str(description.get("solver", "")),
-        int(description.get("layers", description.get("links", 0))),
-        float(description.get("overlap", description.get("region", 0))),
+        int(_first(description, ("layers", "links"))),
+        float(_first(description, ("overlap", "region"))),
         int(description["substeps"]), str(description.get("law", "")),
     )  # fmt: skip
 

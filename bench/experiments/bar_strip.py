@@ -25,6 +25,7 @@ import numpy as np
 from softlab.app.driver import open_simulation
 from softlab.bench.measure.costs_timing import Measures
 from softlab.model.base.errors import BackendUnavailable, Diverged, UnstableTimeStep
+from softlab.model.base.table import Table
 from softlab.model.core.build import build, rest_positions
 from softlab.model.core.simulation import Simulation, State
 from softlab.model.core.stability.springs import matching_stiffness
@@ -86,7 +87,7 @@ def implicit_frequency(frequency: float, h: float) -> float:
     return atan(2 * pi * frequency * h) / (2 * pi * h)
 
 
-def strip(links: int, method: dict[str, Any], load: str = SAG) -> Scene:
+def strip(links: int, method: Table, load: str = SAG) -> Scene:
     """Return the strip with `links` along it under a method's fields.
 
     It hangs with a damper (SAG), has neither weight nor damper (FREQUENCY), or is fixed at its left side (ACROSS).
@@ -113,7 +114,7 @@ def strip(links: int, method: dict[str, Any], load: str = SAG) -> Scene:
     )  # fmt: skip
 
 
-def method_of(solver: str, substeps: int, iterations: int = 1, region: int = 1) -> dict[str, Any]:
+def method_of(solver: str, substeps: int, iterations: int = 1, region: int = 1) -> Table:
     """Return the fields of a method that divides a frame into so many substeps; for mass-spring, into steps."""
     if solver == "mass-spring":
         return {"solver": solver, "integrator": "velocity-verlet", "dt": FRAME / substeps}

@@ -11,13 +11,13 @@ below STILL of that of the drop; only friction, the step itself and the rebound 
 from __future__ import annotations
 
 from math import atan, pi, sin
-from typing import Any
 
 import numpy as np
 
 from softlab.app.driver import open_simulation
 from softlab.bench.experiments.bar_strip import FRAME, OPTIONS, SHARED, returns_measures
 from softlab.bench.measure.costs_timing import Measures
+from softlab.model.base.table import Table
 from softlab.model.scene.scene import Scene
 
 SPIN, FLIGHT, DROP = "spin", "flight", "drop"
@@ -29,7 +29,7 @@ HEIGHT = 0.5  # m, of the drop
 STILL = 1e-6
 GRAVITY = 9.81  # m/s^2
 SAMPLED = {"shape": {"name": "beam"}, "particle_spacing": 0.0625, "volume_sampling": 1.0, "surface_sampling": 0.0}
-BODIES: dict[str, dict[str, Any]] = {
+BODIES: dict[str, Table] = {
     SPIN: {"kind": "rigid_body", "spin": [0.0, 0.0, SPEED]},
     FLIGHT: {
         "kind": "soft_body", "cluster_stiffness": 4000.0, "spin": [0.0, 0.0, SPEED], "velocity": list(THROWN),

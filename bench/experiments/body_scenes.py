@@ -5,11 +5,13 @@ All scenes have the same parts, some of them switched off or far away, so that k
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from softlab.model.base.table import Table
 from softlab.model.core.simulation import State
 from softlab.model.scene.scene import Scene
 
@@ -43,12 +45,12 @@ CHANGED = SQUASHED | MIRRORED
 # ---------------------------------------------------------------------- scenes
 
 
-def method(substeps: int = 1, iterations: int = 1, dt: float = 0.01) -> dict[str, Any]:
+def method(substeps: int = 1, iterations: int = 1, dt: float = 0.01) -> Table:
     """Return the fields of a scene's [method]; `dt` [s]."""
     return {"solver": "shape-matching", "dt": dt, "substeps": substeps, "iterations": iterations}
 
 
-def bodies_scene(*, gravity: float = 9.81, damping: float = 0.0, plane: Any = AWAY, **tables: Any) -> Scene:
+def bodies_scene(*, gravity: float = 9.81, damping: float = 0.0, plane: Table = AWAY, **tables: Any) -> Scene:
     """Return a scene of bodies; `tables`: bodies and the method."""
     world = {"gravity": {"acceleration": gravity}, "damping": {"coefficient": damping}, "plane": plane}
     return Scene(world | {"method": method()} | tables, "bodies")
@@ -60,12 +62,12 @@ def meeting(gravity: float = 0.0, substeps: int = 1, iterations: int = 1, dt: fl
     return bodies_scene(gravity=gravity, contact=contact, method=method(substeps, iterations, dt), **tables)
 
 
-def alone(kind: dict[str, Any]) -> dict[str, Any]:
+def alone(kind: Table) -> Table:
     """Return the body without contacts between bodies, which compiles in a third of the time."""
     return {name: value for name, value in kind.items() if name != "adhesion"}
 
 
-def thrown_at_a_plane(body: dict[str, Any], substeps: int = 1) -> Scene:
+def thrown_at_a_plane(body: Table, substeps: int = 1) -> Scene:
     """Return a scene with a tilted body that is thrown down from 1 m above a plane."""
     shot_down = TILTED | {"velocity": [0.0, -SPEED, 0.0], "origin": [0.0, 1.0, 0.0]}
     return meeting(substeps=substeps, plane=FLOOR, body=body | shot_down)
@@ -80,9 +82,7 @@ def thrown_at_a_box(substeps: int = 4) -> Scene:
     )  # fmt: skip
 
 
-def shot(
-    part: float, kind: dict[str, Any], angle: float, aside: float, contact: dict[str, float] | None = None
-) -> Scene:
+def shot(part: float, kind: Table, angle: float, aside: float, contact: dict[str, float] | None = None) -> Scene:
     """Return a body thrown at a rigid brick at rest, in substeps of `part` of the distance that particles keep."""
     distance = (kind["particle_spacing"] + RIGID_SPACING) / 2
     bullet = kind | {"velocity": [0.0, -SPEED, 0.0], "origin": [aside, 0.6, -aside / 2], "angle": angle}
@@ -90,7 +90,7 @@ def shot(
     return meeting(dt=part * distance / SPEED, wall=BRICK, bullet=bullet, contact=contact or {})
 
 
-def inside_each_other(one: dict[str, Any], other: dict[str, Any], aside: Any, iterations: int = 1) -> Scene:
+def inside_each_other(one: Table, other: Table, aside: Sequence[float], iterations: int = 1) -> Scene:
     """Return a scene in which one body begins inside the other, `aside` [m] off its centre."""
     return meeting(iterations=iterations, one=one | {"origin": list(aside)}, other=other)
 
@@ -132,7 +132,12 @@ def heap(copies: int, substeps: int, separation_speed: float = FALL) -> Scene:
 # ---------------------------------------------------------------------- states and their measures
 
 
-def start(scene: Scene, position: Any = None, velocity: Any = None, rotation: Any = None) -> State:
+def start(
+    scene: Scene,
+    position: ArrayLike | None = None,
+    velocity: ArrayLike | None = None,
+    rotation: np.ndarray | None = None,
+) -> State:
     """Return a state at time 0: the scene's, with the given arrays replaced."""
     body_set = scene.body_set
     position = body_set.position if position is None else np.asarray(position, dtype=np.float64)

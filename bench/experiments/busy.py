@@ -14,7 +14,6 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from itertools import product
-from typing import Any
 
 from softlab.app.driver import open_simulation
 from softlab.bench.measure.costs_timing import FULL, RATIO, SECONDS, Effort, Measures, Record, in_turn
@@ -25,8 +24,9 @@ from softlab.bench.measure.items import Group, Items, cost_sources
 from softlab.bench.measure.timing import Subject, prepare
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import Measure
+from softlab.bench.store.schema import Description
 from softlab.cpu_backend.core.threads import core_count
-from softlab.model.scene.scene import load_scene
+from softlab.model.scene.scene import Scene, load_scene
 
 FINDING = "busy"  # value of `finding`
 ALONE, NICED, SAME = "alone", "niced", "same"
@@ -72,7 +72,7 @@ def beside(kind: str) -> Iterator[subprocess.Popen[str] | None]:
 
 def groups(effort: Effort, scenes: Iterable[str] = tuple(SCENES)) -> list[Group]:
     """Return a group for each scene, kernel and kind of program: (one thread, a thread per core, at least two)."""
-    sources = cost_sources("cpu", __file__)
+    sources = cost_sources("cpu", [__file__])
     all_groups = []
     for name in scenes:
         for kernel, kind in product(SCENES[name], BESIDE):
@@ -86,7 +86,7 @@ def groups(effort: Effort, scenes: Iterable[str] = tuple(SCENES)) -> list[Group]
     return all_groups
 
 
-def _measure(scene: Any, descriptions: Sequence[dict[str, Any]], effort: Effort, record: Record) -> list[Measures]:
+def _measure(scene: Scene, descriptions: Sequence[Description], effort: Effort, record: Record) -> list[Measures]:
     with ExitStack() as stack:
         subjects = []
         for description in descriptions:
@@ -124,7 +124,7 @@ def points(stored: Iterable[Measure]) -> list[BusyPoint]:
     """Return the points from the measures, by scene."""
     by_place: dict[tuple[str, str, str, str, str], dict[int, dict[str, Measure]]] = {}
     for measure in stored:
-        description: dict[str, Any] = measure.description
+        description: Description = measure.description
         if description.get("finding") == FINDING and measure.name in (RATIO, SECONDS):
             place = (measure.machine, *(description[key] for key in ("shown", "kernel", "beside", "wait_policy")))
             by_place.setdefault(place, {}).setdefault(description["threads"], {})[measure.name] = measure

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from softlab.bench.experiments.body_scenes import SAMPLED, bodies_scene
 from softlab.model.assets.clusters import Clusters
@@ -32,14 +33,18 @@ def by_hand(clusters: Clusters, links: Sequence[LinkedCopies] = (), **tables: An
 
 
 def clusters_of(
-    position: Any, members: Sequence[Any] | np.ndarray, stiffness: Any = np.inf, mass: Any = None
+    position: ArrayLike,
+    members: Iterable[Sequence[int] | np.ndarray],
+    stiffness: ArrayLike = np.inf,
+    mass: ArrayLike | None = None,
 ) -> Clusters:
     """Return clusters at `position`; each of `members` lists the particles of a cluster."""
-    position, sizes = np.asarray(position, dtype=np.float64), [len(one) for one in members]
+    members = list(members)
+    at, sizes = np.asarray(position, dtype=np.float64), [len(one) for one in members]
     return Clusters(
         np.concatenate([[0], np.cumsum(sizes)]).astype(np.int32), np.concatenate(members).astype(np.int32),
         np.ones(sum(sizes)), np.full(len(members), stiffness, float) if np.isscalar(stiffness) else np.asarray(stiffness),
-        np.ones(len(position)) if mass is None else np.asarray(mass, dtype=np.float64), position,
+        np.ones(len(at)) if mass is None else np.asarray(mass, dtype=np.float64), at,
     )  # fmt: skip
 
 

@@ -19,7 +19,6 @@ from collections.abc import Sequence
 from contextlib import ExitStack
 from functools import partial
 from itertools import product
-from typing import Any
 
 import numpy as np
 
@@ -31,6 +30,7 @@ from softlab.bench.measure.items import Group, Items, cost_sources
 from softlab.bench.measure.timing import Subject, prepare
 from softlab.bench.reference.mass_spring import start
 from softlab.bench.store.database import Store
+from softlab.bench.store.schema import Description
 from softlab.model.core.build import build
 from softlab.model.core.energy import spring_strain
 from softlab.model.core.simulation import State
@@ -86,7 +86,7 @@ def groups(store: Store, backends: Sequence[str], quick: bool) -> list[Group]:
     effort, sizes = (QUICK, SIZES[:1]) if quick else (FULL, SIZES)
     all_groups = []
     for backend in backends:
-        sources = cost_sources(backend, __file__)
+        sources = cost_sources(backend, [__file__])
         for n, iterations in product(sizes, ITERATIONS):
             scenes = tuple(sheet(n, name, iterations) for name in XPBD)
             descriptions = tuple(described(scene, backend, CONVERGENCE, precision=PRECISION) for scene in scenes)
@@ -105,7 +105,7 @@ class Convergence(Items):
 
 
 def _orderings(
-    scenes: Sequence[Scene], descriptions: Sequence[dict[str, Any]], effort: Effort, record: Record
+    scenes: Sequence[Scene], descriptions: Sequence[Description], effort: Effort, record: Record
 ) -> list[Measures]:
     with ExitStack() as stack:
         subjects, left = [], []

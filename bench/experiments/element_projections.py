@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from rich.console import Console
@@ -24,6 +23,7 @@ from softlab.bench.measure.declaration import Option
 from softlab.bench.measure.tables import columns, print_table
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import measures
+from softlab.model.base.table import Table
 from softlab.model.core.options import PRECISIONS
 from softlab.model.formulas.constraints import tetrahedron
 from softlab.model.scene.scene import Scene
@@ -52,7 +52,7 @@ HALF_H200, STREAM_H200 = 33e12, 4.0e12  # 1/s: half of its peak in float32; byte
 def bar(count: int, sweep: str, material: str) -> Scene:
     """Return the bar of that many tetrahedra, a key of BARS, SWEPT or LARGE."""
     sides = (BARS | SWEPT | LARGE)[count]
-    body: dict[str, Any] = {
+    body: Table = {
         "kind": "tetrahedral_body", "shape": {"name": "box", "sides": [0.1 * n for n in sides]}, "edge": 0.1,
         "young_modulus": 1e5, "poisson_ratio": 0.4, "material": material, "pinned": ["left"], "sweep": sweep,
     }  # fmt: skip
@@ -62,7 +62,9 @@ def bar(count: int, sweep: str, material: str) -> Scene:
 
 def count_of(scene: Scene) -> int:
     """Return the number of tetrahedra of this bar."""
-    sides, edge = scene.tetrahedra["bar"].shape.sides, scene.tetrahedra["bar"].edge  # type: ignore[union-attr]
+    bar = scene.tetrahedra["bar"]
+    assert bar.shape is not None
+    sides, edge = bar.shape.sides, bar.edge
     return PER_VOXEL * int(np.prod(np.round(np.array(sides) / edge)))
 
 

@@ -12,7 +12,6 @@ from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from rich.console import Console
@@ -30,6 +29,8 @@ from softlab.bench.store.results import Measure, by_configuration, measures
 from softlab.model.base.components import component
 from softlab.model.base.digest import source_digest
 from softlab.model.base.errors import BackendUnavailable, SoftlabError
+from softlab.model.base.table import Table
+from softlab.model.core.simulation import Simulation
 from softlab.model.scene.scene import Scene
 from softlab.model.tables.parts import Gravity
 
@@ -56,7 +57,7 @@ PEER = LABELS["splishsplash_dfsph"]
 
 def still_tank(scheme: str, substeps: int, spacing: float = SPACINGS[0], viscosity: float = 0.0) -> Scene:
     """Return water between a floor and four walls, on its lattice."""
-    walls: dict[str, Any] = {
+    walls: Table = {
         name: {"kind": "plane", "thickness": 0.0, "normal": normal, "point": [SIDE * (x < 0) for x in normal]}
         for name, normal in {
             "floor": [0.0, 1.0, 0.0], "left": [1.0, 0.0, 0.0], "right": [-1.0, 0.0, 0.0], "back": [0.0, 0.0, 1.0],
@@ -75,7 +76,7 @@ def repeating_box(scheme: str, substeps: int, spacing: float = SPACINGS[0], visc
     return Scene({"water": water, "domain": box, "method": _method(scheme, substeps)}, BOX)
 
 
-def _method(scheme: str, substeps: int) -> dict[str, Any]:
+def _method(scheme: str, substeps: int) -> Table:
     return {"solver": "pbf", "dt": FRAME, "scheme": scheme, "substeps": substeps, "iterations": ITERATIONS}
 
 
@@ -97,14 +98,14 @@ def rms(velocity: np.ndarray) -> float:
     return float(np.sqrt((np.asarray(velocity, np.float64) ** 2).sum(axis=1).mean() / (GRAVITY * DEPTH)))
 
 
-def disturb(simulation: Any, distance: float) -> None:
+def disturb(simulation: Simulation, distance: float) -> None:
     """Move every coordinate of a simulation by up to `distance` [m], the same way each time."""
     start = simulation.state()
     shifts = np.random.default_rng(1).uniform(-distance, distance, start.position.shape)
     simulation.load(replace(start, position=(start.position + shifts).astype(start.position.dtype)))
 
 
-def watched(simulation: Any, gravity: float, seconds: float) -> Measures:
+def watched(simulation: Simulation, gravity: float, seconds: float) -> Measures:
     """Advance a simulation by `seconds`; return the largest gain of energy and rms speed of each span of TIMES."""
     begin = energy(simulation.read("position"), simulation.read("velocity"), gravity)
     numbers: Measures = {}

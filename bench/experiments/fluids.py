@@ -12,12 +12,11 @@ turn with `macklin`; it has two solves per substep, and an iteration of either c
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 from rich.console import Console
 
 from softlab.app.plan.measure import measure_stages
-from softlab.bench.experiments.vessels import basin_area, in_basin, pouring
+from softlab.bench.experiments.vessels import basin_area, basin_walls, in_basin, pouring
 from softlab.bench.measure import experiment
 from softlab.bench.measure.case_timing import Case, Rates, Row, Summary, make_case
 from softlab.bench.measure.costs_timing import Measures
@@ -112,14 +111,14 @@ def poured(case: Case) -> Measures:
     They are the fractions of its water in the cup and in the basin against time, and the final level of the water over
     the one that follows from its volume and the basin's area.
     """
-    numbers: dict[str, Any] = {}
-    scene, left = case.scene, case.scene.parts["left"]
+    numbers: Measures = {}
+    scene = case.scene
     for time, cup, basin, places in pouring(scene, case.backend, case.precision):
         position = places
         at = f"{time:.1f}_s"
         numbers |= {f"{IN_CUP}_{at}": (cup, "", "in the cup"), f"{IN_BASIN}_{at}": (basin, "", "in the basin")}
     lying = position[in_basin(scene, position)]
-    level = len(lying) * scene.fluid_set.lattice.volume / basin_area(scene, left.thickness)  # type: ignore[attr-defined]
+    level = len(lying) * scene.fluid_set.lattice.volume / basin_area(scene, basin_walls(scene)[0].thickness)
     return numbers | {LEVEL: (2 * float(lying[:, 1].mean()) / level, "", "twice the mean height")}
 
 

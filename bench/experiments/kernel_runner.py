@@ -11,6 +11,8 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from typing import Any
 
+import numpy as np
+
 from softlab.app.driver import open_simulation
 from softlab.bench.experiments.checks import FULL_SIZE_STEPS, Check, against_reference, compare, displaced
 from softlab.bench.experiments.group import GroupRunner, close_quietly
@@ -78,7 +80,7 @@ class KernelRunner(GroupRunner):
     def _check(self, cases: Sequence[Case], simulations: dict[Kind, Simulation]) -> dict[Kind, str]:
         """Compare each kernel with NumPy at the small size, and with the simplest kernel at its own size."""
         warnings: dict[Kind, str] = {}
-        witnesses: dict[str, tuple[str, State, Any]] = {}
+        witnesses: dict[str, tuple[str, State, np.ndarray]] = {}
         for case in cases:
             kind = case.simulation_kind
             simulation = simulations[kind]
@@ -101,7 +103,7 @@ class KernelRunner(GroupRunner):
 
     @staticmethod
     def _full_size_check(
-        case: Case, simulation: Simulation, witnesses: dict[str, tuple[str, State, Any]]
+        case: Case, simulation: Simulation, witnesses: dict[str, tuple[str, State, np.ndarray]]
     ) -> Check | str:
         """Compare a few steps from a displaced state with the first kernel of this size and precision."""
         if case.particles > MAX_CHECKED and case.precision != "float32":

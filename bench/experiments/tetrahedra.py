@@ -21,7 +21,6 @@ from contextlib import ExitStack
 from functools import partial
 from itertools import product
 from math import ceil, inf, pi
-from typing import Any
 
 import numpy as np
 
@@ -49,6 +48,7 @@ from softlab.bench.measure.experiment import described, store_measures
 from softlab.bench.measure.items import Group, cost_sources
 from softlab.bench.measure.timing import Subject, prepare
 from softlab.bench.store.database import Store
+from softlab.bench.store.schema import Description
 from softlab.model.base.errors import SoftlabError, UnstableTimeStep
 from softlab.model.core.build import build
 from softlab.model.core.simulation import PRECISIONS, Simulation, State
@@ -168,7 +168,7 @@ def groups(
     }
     all_groups = []
     for backend in backends:
-        sources = cost_sources(backend, __file__)
+        sources = cost_sources(backend, [__file__])
         for precision, ((a, e), scenes) in product(precisions, scenes_by_bar.items()):
             descriptions = tuple(described(scene, backend, TETRAHEDRA, precision=precision) for scene in scenes)
             name = f"{a} across, {e:.0e} Pa, {precision}, {backend}"
@@ -202,7 +202,7 @@ def _bar(
     across: int,
     young: float,
     scenes: Sequence[Scene],
-    descriptions: Sequence[dict[str, Any]],
+    descriptions: Sequence[Description],
     effort: Effort,
     record: Record,
 ) -> list[Measures]:
@@ -236,7 +236,7 @@ def _report_row(record: Record, name: str, text: str) -> None:
 
 
 def _errors(
-    simulation: Simulation, scene: Scene, one: dict[str, Any], bar: tuple[int, float], report: Callable[[str], None]
+    simulation: Simulation, scene: Scene, one: Description, bar: tuple[int, float], report: Callable[[str], None]
 ) -> tuple[Measures, bool]:
     """Return the errors of one setting, and True if its free motion could be followed.
 

@@ -7,11 +7,12 @@ import os
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
+
+from softlab.bench.store.schema import Description
 
 PROBE = Path(__file__).with_name("probe.py")
 NO_KERNELS = ("SOFTLAB_PLAIN_PYTHON", "NUMBA_ENABLE_CUDASIM")  # with these set, nothing is compiled that has a digest
-Descriptions = dict[str, dict[str, Any]]  # by hash
+Descriptions = dict[str, Description]  # by hash
 Key = tuple[str, str]  # of kernels, of arrays
 
 

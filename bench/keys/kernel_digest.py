@@ -16,7 +16,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from softlab.bench.keys.syntax import UNKNOWN, normal_form, parameters_of
+from softlab.bench.keys.syntax import UNKNOWN, Function, normal_form, parameters_of
 
 FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)
 FOREIGN = frozenset({"numba", "numba_cuda", "numpy", "llvmlite", *sys.stdlib_module_names})
@@ -29,9 +29,9 @@ class SourceUnknown(LookupError):
 
 
 @cache
-def _functions_in(path: str) -> dict[str, list[tuple[int, Any]]]:
+def _functions_in(path: str) -> dict[str, list[tuple[int, Function]]]:
     """Return name -> (first line, node) of every function in a file."""
-    functions: dict[str, list[tuple[int, Any]]] = {}
+    functions: dict[str, list[tuple[int, Function]]] = {}
     for node in ast.walk(ast.parse(Path(path).read_text(encoding="utf-8"))):
         if isinstance(node, FUNCTIONS):
             first = min([node.lineno, *(d.lineno for d in getattr(node, "decorator_list", ()))])
@@ -39,7 +39,7 @@ def _functions_in(path: str) -> dict[str, list[tuple[int, Any]]]:
     return functions
 
 
-def tree_of(function: types.FunctionType) -> Any:
+def tree_of(function: types.FunctionType) -> Function:
     """Return the syntax tree of a function, a definition or a lambda; of a variant of a formula the copy that was compiled.
     Raises SourceUnknown."""
     if hasattr(function, "softlab_formula"):

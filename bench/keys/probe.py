@@ -14,7 +14,11 @@ import sys
 from contextlib import nullcontext
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from softlab.bench.keys.kernel_digest import KernelDigests
+    from softlab.bench.keys.record import Launch
 
 HERE = Path(__file__).resolve().parents[2]
 TOOLS = tuple(f"softlab.bench.keys{name}" for name in ("", ".syntax", ".kernel_digest", ".record", ".machine_code"))
@@ -37,7 +41,7 @@ def lab(module: str) -> ModuleType:
     return importlib.import_module(f"softlab.{module}" if packed else module)
 
 
-def recorded_calls(description: dict[str, Any]) -> list[Any]:
+def recorded_calls(description: dict[str, Any]) -> list[Launch]:
     """Record the launches of a configuration's opening and first step without running them. Raises the lab's errors."""
     from softlab.bench.keys.record import recorded
 
@@ -54,7 +58,7 @@ def recorded_calls(description: dict[str, Any]) -> list[Any]:
     return calls
 
 
-def key(description: dict[str, Any], digests: Any) -> tuple[str, str]:
+def key(description: dict[str, Any], digests: KernelDigests) -> tuple[str, str]:
     """Return (key of the kernels, key of the arrays) of a configuration."""
     from softlab.bench.keys.record import array_hash, arrays_of, combined
 

@@ -27,7 +27,7 @@ BUILDING = {"squared_distances", "start_threads"}  # call compiled functions to 
 class Launch:
     """A kernel (a dispatcher of numba) and the arguments of one of its calls."""
 
-    kernel: Any
+    kernel: object
     arguments: tuple[object, ...]
 
 
@@ -45,7 +45,7 @@ def recorded() -> Iterator[list[Launch]]:
     def note(kernel: object, arguments: tuple[object, ...]) -> None:
         calls.append(Launch(kernel, arguments))
 
-    def note_or_run(kernel: Any, *arguments: object) -> object:
+    def note_or_run(kernel: CPUDispatcher, *arguments: object) -> object:
         if sys._getframe(1).f_code.co_name in BUILDING:
             return run(kernel, *arguments)
         note(kernel, arguments)
@@ -122,10 +122,10 @@ class DeviceArray:
         ary[...] = self.array
         return ary
 
-    def __getitem__(self, place: Any) -> DeviceArray:
+    def __getitem__(self, place: int | slice) -> DeviceArray:
         return DeviceArray(self.array[place])
 
-    def __setitem__(self, place: Any, value: Any) -> None:
+    def __setitem__(self, place: int | slice, value: object) -> None:
         self.array[place] = value.array if isinstance(value, DeviceArray) else value
 
     def __len__(self) -> int:

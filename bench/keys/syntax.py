@@ -8,18 +8,19 @@ from __future__ import annotations
 
 import ast
 import types
-from collections.abc import Callable, Iterator
-from typing import Any
+from collections.abc import Callable, Iterator, Sequence
 
+Function = ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda
+Comprehension = ast.ListComp | ast.SetComp | ast.DictComp | ast.GeneratorExp
 SCALARS = (bool, int, float, complex, str, bytes, type(None), type(Ellipsis), tuple, frozenset)
 UNKNOWN = object()  # the value of an expression that is only known in a run
-COMPARISONS: dict[type[ast.cmpop], Callable[[Any, Any], Any]] = {
+COMPARISONS: dict[type[ast.cmpop], Callable[..., object]] = {
     ast.Eq: lambda a, b: a == b, ast.NotEq: lambda a, b: a != b, ast.Lt: lambda a, b: a < b, ast.LtE: lambda a, b: a <= b,
     ast.Gt: lambda a, b: a > b, ast.GtE: lambda a, b: a >= b, ast.Is: lambda a, b: a is b,
     ast.IsNot: lambda a, b: a is not b, ast.In: lambda a, b: a in b, ast.NotIn: lambda a, b: a not in b,
 }  # fmt: skip
 
-Resolve = Callable[[str], Any]  # the value of a name from outside the function; raises LookupError
+Resolve = Callable[[str], object]  # the value of a name from outside the function; raises LookupError
 Describe = Callable[[object], str]  # the text that stands for such a value
 
 
@@ -37,7 +38,7 @@ def positions_of(code: types.CodeType) -> dict[str, int]:
 # ---------------------------------------------------------------------- the text of a tree
 
 
-def normal_form(tree: Any, resolve: Resolve, describe: Describe) -> str:
+def normal_form(tree: Function, resolve: Resolve, describe: Describe) -> str:
     """Return the text of a function's tree: equal texts mean equal functions, whatever their names.
 
     Locals and parameters are numbered in order of appearance. A name from outside is resolved and described by its value; a
@@ -66,7 +67,7 @@ class _Writer:
                 return f"${numbers[name]}"
         return None
 
-    def value(self, node: Any) -> Any:
+    def value(self, node: ast.expr) -> object:
         """Value of an expression before anything runs, or UNKNOWN."""
         if isinstance(node, ast.Constant):
             return node.value
@@ -89,17 +90,17 @@ class _Writer:
                     return UNKNOWN
         return UNKNOWN
 
-    def _outside(self, name: str) -> Any:
+    def _outside(self, name: str) -> object:
         try:
             return self.resolve(name)
         except LookupError:
             return UNKNOWN
 
-    def _scalar(self, node: Any) -> Any:
+    def _scalar(self, node: ast.expr) -> object:
         value = self.value(node)
         return value if isinstance(value, SCALARS) else UNKNOWN
 
-    def _bool(self, node: ast.BoolOp) -> Any:
+    def _bool(self, node: ast.BoolOp) -> object:
         """Return the value of an `and` or `or` that one operand decides, or whose operands are all known; else
         UNKNOWN."""
         values = [self._scalar(value) for value in node.values]
@@ -110,7 +111,7 @@ class _Writer:
 
     # ------------------------------------------------------------------ functions and statements
 
-    def function(self, node: Any) -> str:
+    def function(self, node: Function) -> str:
         """Text of a definition or a lambda: parameters by number, defaults, body."""
         ordinary, gathered = parameters_of(node.args)
         body = node.body if isinstance(node.body, list) else [ast.Return(node.body)]
@@ -124,7 +125,7 @@ class _Writer:
         self._numbers.pop()
         return text
 
-    def block(self, body: list[Any]) -> str:
+    def block(self, body: Sequence[ast.AST]) -> str:
         """Text of statements, without those that have no effect or follow one that leaves the block."""
         texts: list[str] = []
         for one in body:
@@ -135,7 +136,7 @@ class _Writer:
                 break
         return ";".join(texts)
 
-    def statement(self, node: Any) -> str:
+    def statement(self, node: ast.AST) -> str:
         if isinstance(node, ast.Pass) or (isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)):
             return ""
         if isinstance(node, ast.If):
@@ -151,7 +152,7 @@ class _Writer:
 
     # ------------------------------------------------------------------ expressions
 
-    def expression(self, node: Any) -> str:
+    def expression(self, node: ast.expr) -> str:
         if isinstance(node, ast.Constant):
             return self.describe(node.value)
         if isinstance(node, ast.Name):
@@ -197,7 +198,7 @@ class _Writer:
         positional = [self.expression(argument) for argument in node.args]
         return f"{self.expression(node.func)}({','.join([*positional, *named])})"
 
-    def comprehension(self, node: Any) -> str:
+    def comprehension(self, node: Comprehension) -> str:
         """Return the text of a comprehension, whose targets are local names."""
         self._scopes.append({n for one in node.generators for n in _bound(one.target)})
         self._numbers.append({})
@@ -210,11 +211,11 @@ class _Writer:
         self._numbers.pop()
         return f"{type(node).__name__}({loops}:{','.join(elements)})"
 
-    def generic(self, node: Any) -> str:
+    def generic(self, node: ast.AST) -> str:
         """Text of any other node: its type and its children in the order of its fields."""
         return f"{type(node).__name__}({','.join(self._children(node))})"
 
-    def _children(self, node: Any) -> Iterator[str]:
+    def _children(self, node: ast.AST) -> Iterator[str]:
         for field in node._fields:
             if field in ("ctx", "kind", "type_comment", "type_params", "returns", "annotation", "decorator_list"):
                 continue
@@ -226,7 +227,7 @@ class _Writer:
             else:
                 yield self._child(child)
 
-    def _child(self, child: Any) -> str:
+    def _child(self, child: object) -> str:
         if isinstance(child, ast.expr):
             return self.expression(child)
         if isinstance(child, ast.stmt):
@@ -242,7 +243,7 @@ def _is_namespace(value: object) -> bool:
     return isinstance(value, types.ModuleType | types.SimpleNamespace) or hasattr(type(value), "_fields")
 
 
-def _bound(node: Any) -> Iterator[str]:
+def _bound(node: ast.AST) -> Iterator[str]:
     """Names that a statement or target binds in the function around it."""
     if isinstance(node, ast.Name):
         if isinstance(node.ctx, ast.Store | ast.Del):
@@ -261,7 +262,7 @@ def _bound(node: Any) -> Iterator[str]:
         yield from _bound(child)
 
 
-def _outer_names(node: Any) -> Iterator[str]:
+def _outer_names(node: ast.AST) -> Iterator[str]:
     """Names that a function declares global or nonlocal."""
     for child in ast.walk(node):
         if isinstance(child, ast.Global | ast.Nonlocal):

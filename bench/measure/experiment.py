@@ -70,7 +70,7 @@ def backends_here(wanted: Sequence[str] | None) -> list[str]:
     return list(dict.fromkeys(wanted))
 
 
-def described(scene: Scene, backend: str, finding: str, **how: Any) -> dict[str, Any]:
+def described(scene: Scene, backend: str, finding: str, **how: Any) -> Description:
     """Return the configuration of an experiment: the usual entries, its finding and the fields that it varies."""
     known = {name: how.pop(name) for name in ("precision", "math", "kernel") if name in how}
     return configuration(scene, backend=backend, **host_of(backend), **known) | {"finding": finding} | how

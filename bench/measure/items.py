@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -97,7 +97,7 @@ class Group:
                 store_measures(store, run, description, self.sources, numbers)
 
 
-def cost_sources(backend: str, *files: str) -> str:
+def cost_sources(backend: str, files: Iterable[str | Path]) -> str:
     """Return the hash that a cost depends on: of the backend's sources, of other timed code, and of the timing itself."""
     paths = [Path(file) for file in (*files, str(costs_timing.__file__))]
     return f"{source_hash(backend)}-{source_digest(*paths)}-c{COSTS_VERSION}"

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, field
-from pathlib import Path
 
 from softlab.app.driver import open_simulation
 from softlab.app.output.offscreen import OffscreenRenderer, opengl_available
@@ -42,7 +41,7 @@ def vertex_groups(effort: Effort, most: int | None = None) -> list[Group]:
     if gpu_simulated() or not opengl_available(text=False)[0]:
         return []
     files = [str(module.__file__) for module in (cuda_vertices, sheet_view, vertices)]
-    sources = cost_sources("gpu", *files, str(Path(__file__)))
+    sources = cost_sources("gpu", [*files, __file__])
     groups = []
     for n in SIZES:
         if most and n > most:

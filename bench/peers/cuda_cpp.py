@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from softlab.bench.peers import cuda_driver
 from softlab.bench.peers.base import GridConstants, Opened, Peer, PeerError
 from softlab.bench.peers.cuda_driver import checked
 from softlab.model.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from cuda.bindings import driver
 
 SOURCE = Path(__file__).with_name("grid.cu")
 BLOCK = (32, 8)  # columns, rows: as in grid.cu
@@ -70,8 +73,8 @@ class Sheet(Opened):
 
     def __init__(self, constants: Any, precision: str):
         self.constants = constants
-        self._memory: list[Any] = []
-        self._graphs: dict[tuple[int, int], Any] = {}
+        self._memory: list[driver.CUdeviceptr] = []
+        self._graphs: dict[tuple[int, int], driver.CUgraphExec] = {}
         self._module = self._stream = None
         driver = self._driver = cuda_driver.driver()
         checked(driver.cuInit(0), "cuInit")
@@ -119,7 +122,7 @@ class Sheet(Opened):
         """Return the blocks (across, down) of a launch."""
         return -(-columns // self.block[0]), -(-rows // self.block[1])
 
-    def _pins(self) -> list[Any]:
+    def _pins(self) -> list[driver.CUdeviceptr]:
         """Return the device arrays that the kernel takes after the buffers."""
         return []
 
@@ -127,12 +130,12 @@ class Sheet(Opened):
         """Return (particles, dimensions) in the layout of the kernel."""
         return np.ascontiguousarray(array, self.constants.real)
 
-    def _allocate(self, size: int) -> Any:
+    def _allocate(self, size: int) -> driver.CUdeviceptr:
         memory = checked(self._driver.cuMemAlloc(size), "cuMemAlloc")
         self._memory.append(memory)
         return memory
 
-    def _upload(self, target: Any, array: np.ndarray) -> None:
+    def _upload(self, target: driver.CUdeviceptr, array: np.ndarray) -> None:
         checked(self._driver.cuMemcpyHtoD(target, array.ctypes.data, array.nbytes), "cuMemcpyHtoD")
 
     def _argument_list(self, source: int) -> tuple[np.ndarray, list[np.ndarray]]:
@@ -161,7 +164,7 @@ class Sheet(Opened):
             "cuLaunchKernel",
         )
 
-    def _graph(self, source: int, launches: int) -> Any:
+    def _graph(self, source: int, launches: int) -> driver.CUgraphExec:
         """Return the graph of that many launches, the first reading buffer `source`; captured when it is first needed."""
         key = (source, launches)
         if key not in self._graphs:
@@ -249,7 +252,7 @@ class _Grid(Sheet):
     def _compiled(self, precision: str) -> bytes:
         return compile_grid(precision, cuda_driver.architecture())
 
-    def _pins(self) -> list[Any]:
+    def _pins(self) -> list[driver.CUdeviceptr]:
         constants = self.constants
         pinned = np.zeros(constants.count, np.uint8)
         pinned[constants.pinned] = 1

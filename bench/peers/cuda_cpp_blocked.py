@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -20,6 +20,9 @@ from softlab.bench.peers.base import Opened, PeerError
 from softlab.bench.peers.cuda_cpp import CudaConstants, CudaCpp, Sheet, addresses_of
 from softlab.bench.peers.cuda_driver import checked
 from softlab.model.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from cuda.bindings import driver
 
 SOURCE = Path(__file__).with_name("grid_blocked.cu")
 LANES = 32
@@ -169,7 +172,7 @@ class Blocked(Sheet):
         self.steps_together = tile.halo
         self._steps, self._counted_from = np.zeros(1, np.int32), np.zeros(1, np.int32)  # read at each launch
         self._epoch = 0
-        self._exchanged: list[Any] = []
+        self._exchanged: list[driver.CUdeviceptr] = []
         super().__init__(constants, precision)
 
     def _compiled(self, precision: str) -> bytes:
@@ -178,7 +181,7 @@ class Blocked(Sheet):
     def _blocks_over(self, rows: int, columns: int) -> tuple[int, int]:
         return self.tile.blocks(rows, columns)
 
-    def _pins(self) -> list[Any]:
+    def _pins(self) -> list[driver.CUdeviceptr]:
         """Return the pins; also allocate the buffers of exchanges between blocks: borders of tiles, a flag per block,
         and an error flag."""
         pinned = np.zeros(self.constants.count, np.uint8)

@@ -140,13 +140,11 @@ def print_peers(console: Console, store: Store, machine: str) -> None:
     for _, scene, backend, precision in sorted(kinds):
         group = [r for r in entries if (r.scene, r.backend, r.precision) == (scene, backend, precision)]
         (_print_bars if scene in BARS else _print_table)(console, scene, backend, precision, group)
-    for peer, law in dict(
-        store.query(
-            "SELECT DISTINCT configuration.description, reason FROM measure JOIN configuration ON "
-            "configuration.hash = measure.configuration WHERE name = ?",
-            (PEER_LAW_DIFFERENCE,),
-        )
-    ).items():
+    for peer, law in store.query(
+        "SELECT DISTINCT configuration.description, reason FROM measure JOIN configuration ON "
+        "configuration.hash = measure.configuration WHERE name = ?",
+        (PEER_LAW_DIFFERENCE,),
+    ):
         laws[label(json.loads(peer)["peer"])] = law
     for peer, law in laws.items():
         console.print(f"{peer}: held against {law}", highlight=False, soft_wrap=True)

@@ -5,12 +5,15 @@ from __future__ import annotations
 from abc import abstractmethod
 from functools import cache
 from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from softlab.bench.peers.base import Opened, Peer, PeerError
+from softlab.bench.peers.base import Opened, Peer, PeerError, SheetStart
 from softlab.model.scene.scene import Scene
+
+if TYPE_CHECKING:
+    import warp
 
 CHUNKS = (256, 32, 4, 2)  # steps in a graph; even, so that two buffers are back in place after each
 REMEDY = "pip install 'soft-body-lab[peers]'"
@@ -22,7 +25,7 @@ def load_warp() -> ModuleType:
     try:
         import warp
 
-        config: Any = warp.config
+        config = warp.config
         if hasattr(config, "log_level"):
             config.log_level = warp.LOG_ERROR
         config.quiet = True  # older name of the option
@@ -32,7 +35,7 @@ def load_warp() -> ModuleType:
     return warp
 
 
-def numbers(precision: str, components: int) -> tuple[Any, Any]:
+def numbers(precision: str, components: int) -> tuple[type, type]:
     """Return Warp's types of a number in that precision, and of a vector of 2 or 3 of them."""
     wp, suffix = load_warp(), "f" if precision == "float32" else "d"
     return getattr(wp, precision), getattr(wp, f"vec{components}{suffix}")
@@ -94,7 +97,7 @@ class Replayed(Opened):
         self.threads = 1 if backend == "cpu" else None
         self.kernel = f"graph of {self.chunks[0]} steps"
         self._device = self._wp.get_device("cpu" if backend == "cpu" else "cuda:0")
-        self._graphs: dict[tuple[int, int], Any] = {}
+        self._graphs: dict[tuple[int, int], object] = {}
         self._current = 0
 
     @abstractmethod
@@ -109,7 +112,7 @@ class Replayed(Opened):
         for chunk in self.chunks:
             self._graph(chunk)
 
-    def _graph(self, steps: int) -> Any:
+    def _graph(self, steps: int) -> object:
         """Return the graph of `steps` steps from the current buffer, captured when it is first needed."""
         key = (self._current, steps)
         if key not in self._graphs:
@@ -142,7 +145,9 @@ class ReplayedSheet(Replayed):
     new_position, new_velocity)`.
     """
 
-    def __init__(self, constants: Any, precision: str, backend: str, components: int, kernel: Any, inputs: list[Any]):
+    def __init__(
+        self, constants: SheetStart, precision: str, backend: str, components: int, kernel: warp.Kernel, inputs: list
+    ):
         super().__init__(backend)
         wp = self._wp
         self.constants, self._components, self._kernel, self._inputs = constants, components, kernel, inputs
@@ -155,7 +160,7 @@ class ReplayedSheet(Replayed):
         self._capture()
         self.load(constants.position, constants.velocity)
 
-    def _recorded(self, source: int) -> Any:
+    def _recorded(self, source: int) -> warp.Launch:
         target = 1 - source
         return self._wp.launch(
             self._kernel,

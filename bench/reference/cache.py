@@ -8,9 +8,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from softlab.bench.reference.mass_spring import converged
 from softlab.model.base.disk_cache import read_arrays, write_arrays
@@ -74,8 +74,8 @@ def cached_state(file: Path | None, scene: Scene, make: Callable[[], Converged])
 
 
 def cached_arrays(
-    file: Path | None, shapes: Mapping[str, tuple[int, ...]], make: Callable[[], Mapping[str, Any]]
-) -> Mapping[str, Any]:
+    file: Path | None, shapes: Mapping[str, tuple[int, ...]], make: Callable[[], Mapping[str, ArrayLike]]
+) -> Mapping[str, np.ndarray]:
     """Return arrays of these `shapes` by name from the file, or make them and store them (None: not stored).
 
     A file that cannot be read or written only costs the time to make them again.
@@ -83,7 +83,7 @@ def cached_arrays(
     stored = read_arrays(file) if file else None
     if stored and all(name in stored and stored[name].shape == shape for name, shape in shapes.items()):
         return stored
-    computed = make()
+    computed = {name: np.asarray(array) for name, array in make().items()}
     if file:
         write_arrays(file, computed)
     return computed

@@ -15,11 +15,18 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 from softlab.bench.store import schema
 from softlab.bench.store.machine_records import gained
-from softlab.bench.store.schema import SCHEMA, SCHEMA_VERSION, Description, canonical, check_rows, configuration_hash
+from softlab.bench.store.schema import (
+    SCHEMA,
+    SCHEMA_VERSION,
+    Description,
+    Row,
+    canonical,
+    check_rows,
+    configuration_hash,
+)
 from softlab.model.base.errors import InputError
 from softlab.model.base.files import check_source
 
@@ -174,7 +181,7 @@ class Store:
                     self.connection.execute("ROLLBACK")
                 raise
 
-    def query(self, sql: str, arguments: tuple[object, ...] | Mapping[str, object] = ()) -> list[tuple[Any, ...]]:
+    def query(self, sql: str, arguments: tuple[object, ...] | Mapping[str, object] = ()) -> list[Row]:
         """Return the rows of a SELECT."""
         with self._explained():
             return self.connection.execute(sql, arguments).fetchall()

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
 
 from softlab.model.scene.scene import Scene, load_scene
 
@@ -23,7 +22,7 @@ class Published:
     seconds: float
     processor: str
     scene: str
-    changes: dict[str, Any] = field(default_factory=dict)
+    changes: dict[str, object] = field(default_factory=dict)
 
     def ours(self) -> Scene:
         return load_scene(self.scene).replace(self.changes)

@@ -21,7 +21,7 @@ import numpy as np
 
 from softlab.bench.store.database import DEFAULT_PATH, Store
 from softlab.bench.store.method_name import name_of
-from softlab.bench.store.schema import Description, canonical, configuration_hash, tables_by_kind
+from softlab.bench.store.schema import Description, Row, canonical, configuration_hash, tables_by_kind
 from softlab.model.base.errors import SoftlabError
 from softlab.model.base.table import Table
 from softlab.model.core.families import scene_plan
@@ -45,7 +45,7 @@ def configuration(
     math: str = "fast",
     graphics: bool = False,
     peer: str | None = None,
-) -> dict[str, Any]:
+) -> Description:
     """Return the description of a configuration: the resolved scene and the options of its run.
 
     `kernel` as requested (`auto`: the backend's choice, which the measure `kernel` then names). `threads`, `layer`,
@@ -132,7 +132,7 @@ class Measure:
     configuration: str
     sources: str
     run: str
-    description: dict[str, Any]
+    description: Description
     name: str
     value: float | None
     unit: str
@@ -172,7 +172,7 @@ def measures(store: Store, name: str | None = None, machine: str | None = None) 
         {"name": name, "machine": machine},
     )
     newest: dict[tuple[str, str, str], Measure] = {}
-    descriptions: dict[str, dict[str, Any]] = {}  # read once, shared by the measures of a configuration
+    descriptions: dict[str, Description] = {}  # read once, shared by the measures of a configuration
     for owner, key, sources, run, text, measure, value, unit, reason in rows:
         description = descriptions.get(key) or descriptions.setdefault(key, json.loads(text))
         newest.pop((owner, key, measure), None)  # so that the order, too, is that of the newest
@@ -207,7 +207,7 @@ def timings(store: Store, machine: str | None = None, stage: str | None = "step"
         "ORDER BY run.started, run.rowid, sample.rowid",
         {"machine": machine, "stage": stage},
     )
-    groups: dict[tuple[str, str, str], dict[str, list[tuple[Any, ...]]]] = {}
+    groups: dict[tuple[str, str, str], dict[str, list[Row]]] = {}
     for owner, key, stage_name, sources, *sample in rows:
         of_sources = groups.setdefault((owner, key, stage_name), {})
         of_sources[sources] = [*of_sources.pop(sources, []), tuple(sample)]  # the newest sources end up last
@@ -229,7 +229,7 @@ def timings(store: Store, machine: str | None = None, stage: str | None = "step"
 
 def _timing(
     identity: tuple[str, str, str, str],
-    samples: list[tuple[Any, ...]],
+    samples: list[Row],
     description: Description,
     cores: int | None,
     error: Measure | None,

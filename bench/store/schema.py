@@ -55,6 +55,7 @@ def _create(table: str) -> str:
     return f"CREATE TABLE {table} ({', '.join(columns + key)})"
 
 
+Row = tuple[Any, ...]  # of a table, as SQLite has it: numbers, texts, None
 Description = dict[str, Any]  # of a configuration, by which the store knows it: JSON values by name
 
 SCHEMA = (  # statements that make the tables

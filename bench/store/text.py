@@ -19,13 +19,13 @@ import csv
 import gzip
 import json
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import lru_cache
 from math import isfinite
 from pathlib import Path
-from typing import IO, Any
+from typing import IO
 
-from softlab.bench.store.schema import COLUMNS, TABLES, canonical, configuration_hash
+from softlab.bench.store.schema import COLUMNS, TABLES, Description, Row, canonical, configuration_hash
 from softlab.model.base.errors import InputError, shortened
 from softlab.model.base.files import check_source
 
@@ -34,7 +34,6 @@ TEXT_VERSION = 1
 TEXTS = (".csv", ".csv.gz")  # how the names of text exports end
 DEEPEST = 32  # tables within tables that a column names
 GROUP = ("configuration", "run", "sources", "stage", "steps", "suspect")  # what the repeats in one line share
-Row = tuple[Any, ...]  # of a table, as SQLite has it: numbers, texts, None
 Rows = dict[str, list[Row]]  # table -> rows in the column order of TABLES
 READERS = {  # table -> of each column its name, its type, and whether an empty cell is none
     table: [
@@ -127,8 +126,8 @@ def is_text_export(file: Path) -> bool:
         return False
 
 
-def unflatten(cells: Mapping[str, str]) -> dict[str, Any]:
-    data: dict[str, Any] = {}
+def unflatten(cells: Mapping[str, str]) -> Description:
+    data: Description = {}
     for path, cell in cells.items():
         *parents, key = path.split(".")
         table = data
@@ -156,7 +155,7 @@ def read_text(file: Path) -> Rows:
         raise InputError(f"{file} cannot be read: {error.strerror or error}; check the path") from None
 
 
-def _parse(reader: Any, file: Path) -> Rows:
+def _parse(reader: Iterator[list[str]], file: Path) -> Rows:
     first: list[str] = next(reader, [])
     if not first or first[0] != MAGIC:
         raise InputError(f"{file} is not a text export of this lab (its first line is not {MAGIC})")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 from softlab.bench.experiments.accuracy.methods import FLUIDS, MATCHING, TETRAHEDRAL, XPBD
 from softlab.bench.stress.laws import Law
@@ -35,7 +34,7 @@ class HardCase:
     title: str
     scene: str | Callable[[], Scene]
     law: Law
-    changes: Mapping[str, Any] = field(default_factory=dict)
+    changes: Mapping[str, object] = field(default_factory=dict)
     expect: str = "pass"
     limited_step: bool = True
     known: Mapping[tuple[str, str], str] = field(default_factory=dict)

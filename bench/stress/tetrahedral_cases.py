@@ -6,12 +6,12 @@ The scenes are made by code, because a flat or inverted start has no field in a 
 from __future__ import annotations
 
 from functools import partial
-from typing import Any
 
 from softlab.bench.experiments.accuracy.methods import TETRAHEDRAL
 from softlab.bench.experiments.tetrahedral.cantilever import cantilever
 from softlab.bench.stress import tetrahedra
 from softlab.bench.stress.case import HardCase
+from softlab.model.base.table import Table
 from softlab.model.scene.scene import Scene
 
 FRAME = 1 / 60  # s
@@ -30,9 +30,9 @@ FLYING = {"shape": {"name": "box", "sides": [0.6, 0.3, 0.2]}, "edge": 0.1, "youn
 SWEPT = "only where the energy is least do a tetrahedron's forces add up to none: what sweeps leave undone is a force on all"
 
 
-def scene(body: dict[str, Any], braked: float = 0.0) -> Scene:
+def scene(body: Table, braked: float = 0.0) -> Scene:
     """Return a scene with one body, without gravity; `braked` [N s/m]: damping of each particle."""
-    tables: dict[str, Any] = {"body": {"kind": "tetrahedral_body"} | body, "method": {"solver": "xpbd", "dt": FRAME}}
+    tables: Table = {"body": {"kind": "tetrahedral_body"} | body, "method": {"solver": "xpbd", "dt": FRAME}}
     return Scene(tables | ({"damping": {"coefficient": braked}} if braked else {}))
 
 
@@ -41,7 +41,7 @@ def locking_bar() -> Scene:
     return cantilever(2, tetrahedra.YOUNG, "xpbd", 1, 1).replace({"beam.poisson_ratio": tetrahedra.LOCKING})
 
 
-def tetrahedral_budget(case: HardCase, method: str) -> dict[str, Any]:
+def tetrahedral_budget(case: HardCase, method: str) -> dict[str, object]:
     """Return the fields of a scene that select a method of TETRAHEDRAL."""
     substeps, iterations = {"B22": LOCKED, "B23": FEWEST}.get(case.row, BUDGETS)[method]
     return {

@@ -10,7 +10,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from functools import cache
-from typing import Any
 
 import numba
 import numpy as np
@@ -53,9 +52,9 @@ def arithmetic_rate(precision: str, threads: int, budget: float = 0.2) -> float:
 
     `precision`: float32 or float64.
     """
-    real: Any = np.dtype(precision).type
+    real: Real = np.dtype(precision).type
     numba.set_num_threads(threads)
-    rows = np.ones((threads, ROW), real)
+    rows: np.ndarray = np.ones((threads, ROW), real)
     kernel = _make_chains(real)
     arguments = rows, REPEATS, real(0.999), real(1e-3)  # fixed point 1: values neither grow nor become denormal
     kernel(*arguments)

@@ -7,26 +7,36 @@ whatever the name of their variant, and the content of a kernel is part of the n
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, Literal, TypedDict
 
 import numba
 from numba.core.caching import CompileResultCacheImpl, FunctionCache
+from numba.core.compiler_machinery import PassManager
 
 from softlab.cpu_backend.core.plain import in_python, still_time, translated
 from softlab.cpu_backend.core.progress import new_team
 from softlab.cpu_backend.core.region import BodyPipeline, LinkedPipeline, packed, region
 from softlab.model.base.digest import content_digest, file_name, source_digest
 from softlab.model.base.kernel_cache import NamedByContent, NotifyingCache, Place, attach_cache
-from softlab.model.base.types import Real
+from softlab.model.base.types import Features, Real
 from softlab.model.base.variant import Formulas, Variant
 
 # Optimisations of `fast`. Not `reassoc`, which would cancel the (p' - p) of the hand-out's step; not `nnan` and `ninf`,
 # since a diverging state must stay visible.
 FAST = frozenset({"contract", "arcp", "afn", "nsz"})
+
+
+class JitOptions(TypedDict, total=False):
+    """Options of numba.njit."""
+
+    fastmath: bool | set[str]
+    error_model: Literal["python", "numpy"]
+    nogil: bool
+    forceinline: bool
 
 
 class _KernelFiles(NamedByContent, CompileResultCacheImpl):
@@ -44,14 +54,14 @@ class _RowPipeline(LinkedPipeline):
     and for more than a handful of arrays it does not vectorise at all.
     """
 
-    def define_pipelines(self) -> Any:
+    def define_pipelines(self) -> list[PassManager]:
         self.state.flags.noalias = True
         return super().define_pipelines()
 
 
 # How functions are compiled, which is not part of their own content: pipelines and libraries.
 _HOW = source_digest(*(Path(__file__).with_name(f"{name}.py") for name in ("compile", "region", "subnormals")))
-_shared: dict[str, Any] = {}  # functions that kernels call, by their content
+_shared: dict[str, Callable] = {}  # functions that kernels call, by their content
 
 
 class Compiler:
@@ -60,14 +70,14 @@ class Compiler:
 
     def __init__(self, variant: str, math: str):
         self.variant = variant
-        self.options: dict[str, Any] = {
+        self.options: JitOptions = {
             "fastmath": set(FAST) if math == "fast" else False,
             "error_model": "numpy",  # by default every quotient has a branch that prevents vectorisation
             "nogil": True,
         }
         # They are only called from kernels: without wrappers for Python and C a variant compiles in 4/5 of the time.
         # They allocate nothing, so no reference counting is needed.
-        self._variants: dict[Any, Variant] = {}
+        self._variants: dict[tuple[object, ...], Variant] = {}
         self._inner: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True, "_nrt": False}
 
     def compiled(self, function: Callable) -> Callable:
@@ -78,12 +88,12 @@ class Compiler:
         return self._compiled_once(function, inline=True)
 
     def formulas(
-        self, module: ModuleType, real: Real, features: Mapping[str, Any] | None = None, inline: bool = False
+        self, module: ModuleType, real: Real, features: Features | None = None, inline: bool = False
     ) -> Formulas:
         """Return the formulas of a module in a variant."""
         return self.variant_of(real, features, inline).of(module)
 
-    def variant_of(self, real: Real, features: Mapping[str, Any] | None = None, inline: bool = False) -> Variant:
+    def variant_of(self, real: Real, features: Features | None = None, inline: bool = False) -> Variant:
         """Return the compiler of formulas in a precision, `compiled` or `inlined`; see model/base/variant.py."""
         variant = real, inline, frozenset((features or {}).items())
         if variant not in self._variants:
@@ -121,7 +131,7 @@ class Compiler:
         kernel = self.kernel(team, parallel=False)
 
         @in_python(kernel)
-        def one_after_the_other(bands: int, *values: Any) -> None:
+        def one_after_the_other(bands: int, *values: object) -> None:
             flags = translated(new_team)(bands)
             for member in range(bands):
                 still_time()
@@ -142,7 +152,7 @@ class Compiler:
         kernel = self.kernel(banded, parallel=False)
 
         @in_python(kernel)
-        def one_after_the_other(bands: int, *values: Any) -> None:
+        def one_after_the_other(bands: int, *values: object) -> None:
             for band in range(bands):
                 still_time()
                 translated(run)(band, bands, *values)
@@ -156,15 +166,16 @@ class Compiler:
         return name, function if known else self._compiled_once(function, BodyPipeline), _region()
 
     def _compiled_once(
-        self, function: Callable, pipeline_class: Any = LinkedPipeline, inline: bool = False
+        self, function: Callable, pipeline_class: type[LinkedPipeline] = LinkedPipeline, inline: bool = False
     ) -> Callable:
         options: dict[str, Any] = {"forceinline": True} if inline else {}
         content = content_digest(function, self.options, options, pipeline_class.__name__, _HOW)
         if content not in _shared:
-            _shared[content] = numba.njit(**self.options, **self._inner, **options, pipeline_class=pipeline_class)(
+            compiled = numba.njit(**self.options, **self._inner, **options, pipeline_class=pipeline_class)(
                 named(function, content)
             )
-            _shared[content].softlab_content = content
+            compiled.__dict__["softlab_content"] = content
+            _shared[content] = compiled
         return _shared[content]
 
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import cache
-from typing import Any
 
 import numpy as np
 
@@ -140,17 +139,18 @@ def make_projections(compiler: Compiler, real: Real, projection: Projection, in_
     return variant(filled(project_run, {"project_one": one}))
 
 
-def make_colours(compiler: Compiler, projects: Sequence[Any], runs: Sequence[int]) -> Any:
+def make_colours(compiler: Compiler, projects: Sequence[Callable], runs: Sequence[int]) -> Callable:
     """Compile sweep(team, member, bands, position, weights, before, sets, fresh, parameters).
 
     It projects all constraints once, set by set and colour by colour. `projects`: make_projections of each set; `runs`:
     of each; `sets`: their set_arrays, at least one.
     """
-    sweep: Any = None
+    sweep: Callable | None = None
     for number in range(len(projects) - 1, -1, -1):
         features = {"number": number, "run": runs[number], "followed": sweep is not None}
         names = {"project": projects[number], "others": sweep}
         sweep = compiler.variant_of(np.float64, features)(filled(sweep_set, names))
+    assert sweep is not None
     return sweep
 
 

@@ -10,7 +10,6 @@ each other map to the same few sets of the first-level cache.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numba import types
@@ -18,7 +17,7 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 
 from softlab.cpu_backend.core.plain import in_python
-from softlab.model.base.types import Real
+from softlab.model.base.types import Compile, Real
 from softlab.model.base.variant import CountOfPrecision
 
 LINE = 64  # bytes of a cache line, and of the widest vectors
@@ -30,7 +29,7 @@ PLANES = 4  # of a grid; a cloth has six
 L_ROWS, L_COLUMNS, L_STRIDE, L_PLANE = range(4)
 
 
-_built_in: Any = intrinsic  # typed by numba when it is compiled
+_built_in: Compile = intrinsic  # typed by numba when it is compiled
 
 
 def block_of(real: Real) -> int:
@@ -125,5 +124,5 @@ def row_at(typing_context, array, offset):
 
 
 @in_python(row_at)
-def _row_at(array: np.ndarray, offset: Any) -> np.ndarray:
+def _row_at(array: np.ndarray, offset: int) -> np.ndarray:
     return array[offset:]

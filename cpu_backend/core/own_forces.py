@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from typing import Any
 
 import numpy as np
 from numba import prange
 
 from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.simulation import RowsSimulation
 from softlab.model.base.types import Real
 from softlab.model.base.variant import FEATURE, Open, filled, routine, row_routine
 from softlab.model.core.own_forces import WINDOW, OwnForce, accelerated, force_flags, particle_forces
@@ -59,7 +59,7 @@ def gravity(acceleration, record):
             acceleration[1, i, j] += record[0].gravity
 
 
-def with_forces(kernel: Callable, parts: frozenset[str]) -> Any:
+def with_forces(kernel: Callable, parts: frozenset[str]) -> Callable:
     """Return a kernel whose `particle_force` is the sum of the forces on single particles in `parts`."""
     return filled(kernel, {"particle_force": accelerated(parts)})
 
@@ -79,7 +79,9 @@ def _make_gravity(real: Real, math: str) -> Callable:
     return compiler.kernel(compiler.variant_of(real).copied(gravity))
 
 
-def bind_forces(sim: Any, acceleration: np.ndarray, weights: np.ndarray | None = None) -> dict[str, StageRun]:
+def bind_forces(
+    sim: RowsSimulation, acceleration: np.ndarray, weights: np.ndarray | None = None
+) -> dict[str, StageRun]:
     """Return the stages of `sim` for single masses: gravity and these forces; `weights` if masses differ."""
     gravity = _make_gravity(sim.real, sim.options.math)
     alike = np.zeros((1, 1), sim.real) if weights is None else weights

@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from types import CellType, FunctionType, ModuleType, SimpleNamespace
 from typing import Any
 
@@ -27,8 +27,8 @@ from numba.core.registry import CPUDispatcher
 SWITCH = "SOFTLAB_PLAIN_PYTHON"
 SECONDS = "SOFTLAB_PLAIN_PYTHON_SECONDS"
 
-_equivalents: dict[Any, Callable] = {}  # of intrinsics, and of functions that differ on one thread
-_translated: dict[Any, Callable] = {}
+_equivalents: dict[object, Callable] = {}  # of intrinsics, and of functions that differ on one thread
+_translated: dict[object, Callable] = {}
 _machine_code = BaseDispatcher.__call__  # the normal call of a kernel
 _left = math.inf  # seconds until machine code takes over
 _end = math.inf  # process time [s] at which the current call has to end
@@ -51,7 +51,7 @@ def _each(*bounds: int) -> Iterator[int]:
         yield k
 
 
-def in_python(machine_code: Any) -> Callable[[Callable], Callable]:
+def in_python(machine_code: object) -> Callable[[Callable], Callable]:
     """Declare the decorated function the plain equivalent of an intrinsic or compiled function."""
 
     def declare(function: Callable) -> Callable:
@@ -61,13 +61,13 @@ def in_python(machine_code: Any) -> Callable[[Callable], Callable]:
     return declare
 
 
-def _sqrt(number: Any) -> Any:
+def _sqrt(number: np.floating) -> np.floating:
     """Return the square root in the argument's type, NaN if negative; that of a float32 via float64 is exact."""
     return type(number)(math.sqrt(number)) if number >= 0 else number - number + math.nan * number
 
 
-def _whole(kind: Any) -> Callable[[Any], Any]:
-    def convert(number: Any) -> Any:
+def _whole(kind: type[np.integer]) -> Callable[[float], np.integer | np.ndarray]:
+    def convert(number: float) -> np.integer | np.ndarray:
         try:
             return kind(number)
         except (ValueError, OverflowError):  # NaN and numbers out of range, for which processors also return a value
@@ -79,18 +79,18 @@ def _whole(kind: Any) -> Callable[[Any], Any]:
 class _Numpy(SimpleNamespace):
     """numpy with conversions that raise no errors."""
 
-    def __getattr__(self, name: str) -> Any:
+    def __getattr__(self, name: str) -> object:
         return getattr(np, name)
 
 
-_replaced: dict[Any, Any] = {
+_replaced: dict[object, object] = {
     math.sqrt: _sqrt,
     numba.prange: _each,
     np: _Numpy(int32=_whole(np.int32), int64=_whole(np.int64), uint32=_whole(np.uint32), uint64=_whole(np.uint64)),
 }
 
 
-def _plainly(value: Any) -> Any:
+def _plainly(value: object) -> object:
     """Return the replacement of a global or closed-over value of a compiled function."""
     if isinstance(value, tuple):
         return tuple(_plainly(item) for item in value)
@@ -116,12 +116,12 @@ def translated(dispatcher: Any) -> Callable:
     return _translated[dispatcher]
 
 
-def _is_dispatcher(dispatcher: Any) -> bool:
+def _is_dispatcher(dispatcher: Dispatcher) -> bool:
     """Return True if a kernel has machine code, from this process or cached."""
-    return bool(dispatcher.overloads) or getattr(dispatcher._cache, "has_any", False)
+    return bool(dispatcher.overloads) or getattr(getattr(dispatcher, "_cache", None), "has_any", False)
 
 
-def _arrays(arguments: Any) -> Iterator[np.ndarray]:
+def _arrays(arguments: Iterable[object]) -> Iterator[np.ndarray]:
     """Iterate over all arrays that a call may write to, in tuples too."""
     for argument in arguments:
         if isinstance(argument, np.ndarray) and argument.flags.writeable:
@@ -130,7 +130,7 @@ def _arrays(arguments: Any) -> Iterator[np.ndarray]:
             yield from _arrays(argument)
 
 
-def _call(dispatcher: Any, *arguments: Any) -> Any:
+def _call(dispatcher: Dispatcher, *arguments: object) -> object:
     global _left, _end
     if _left < math.inf and _is_dispatcher(dispatcher):
         numba.set_num_threads(
@@ -159,14 +159,14 @@ class Constants:
         values = np.frombuffer(record.tobytes(), record.dtype[0])
         self.__dict__.update(zip(record.dtype.names or (), values, strict=True))
 
-    def __getitem__(self, name: str) -> Any:
+    def __getitem__(self, name: str) -> np.generic:
         return self.__dict__[name]
 
-    def __getattr__(self, name: str) -> Any:
+    def __getattr__(self, name: str) -> np.generic:
         raise AttributeError(f"no constant {name}; there are {', '.join(self.__dict__)}")
 
 
-def readable(argument: Any) -> Any:
+def readable(argument: object) -> object:
     """Return an argument in the form that plain Python takes.
 
     A Python number becomes a 64-bit one, as in machine code; records, and arrays of one record, also in tuples, become

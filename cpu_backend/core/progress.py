@@ -21,9 +21,11 @@ import numba
 import numpy as np
 from llvmlite import ir
 from numba import types
+from numba.core.base import BaseContext
 from numba.extending import intrinsic
 
 from softlab.cpu_backend.core.plain import in_python, still_time
+from softlab.model.base.types import Compile
 
 FLAG_SPACING = 16  # int64: two lines, since processors fetch lines in pairs
 SPINS = 300  # checks with a pause between them: a few microseconds
@@ -48,10 +50,12 @@ _register_calls()
 _SLEEP_UNIT = 1000 if sys.platform == "win32" else 1  # us
 
 
-_built_in: Any = intrinsic  # typed by numba when they are compiled
+_built_in: Compile = intrinsic  # typed by numba when they are compiled
 
 
-def _pointer(context: Any, builder: ir.IRBuilder, array_type: Any, array: Any, flag: Any) -> Any:
+def _pointer(
+    context: BaseContext, builder: ir.IRBuilder, array_type: types.Array, array: ir.Value, flag: ir.Value
+) -> ir.Value:
     view = context.make_array(array_type)(context, builder, array)
     place = builder.mul(flag, ir.Constant(flag.type, FLAG_SPACING))
     return builder.gep(view.data, [place], inbounds=True)

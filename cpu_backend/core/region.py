@@ -8,8 +8,6 @@ thread that called the kernel.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numba
 import numpy as np
 from llvmlite import ir
@@ -17,18 +15,20 @@ from numba import types
 from numba.core import cgutils
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler as NumbaCompiler
+from numba.core.compiler_machinery import PassManager
 from numba.extending import intrinsic
 
 from softlab.cpu_backend.core.subnormals import FLUSH, flush_subnormals, write_register
+from softlab.model.base.types import Compile
 
-_built_in: Any = intrinsic  # typed by numba when they are compiled
+_built_in: Compile = intrinsic  # typed by numba when they are compiled
 _ENTRY = ir.FunctionType(ir.VoidType(), [ir.IntType(8).as_pointer(), ir.IntType(64)])  # packed arguments, member
 
 
 class _NoEnvironment:
     """Replacement of the engine that emits a library's code."""
 
-    def set_env(self, name: str, environment: Any) -> None:
+    def set_env(self, name: str, environment: object) -> None:
         """Ignore the environment: linked code is not emitted and has none (see Compiler)."""
 
 
@@ -56,7 +56,7 @@ class LinkedPipeline(NumbaCompiler):
 
     library = LinkedLibrary
 
-    def define_pipelines(self) -> Any:
+    def define_pipelines(self) -> list[PassManager]:
         self.state.library = self.library(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
         return super().define_pipelines()
 

@@ -166,7 +166,7 @@ class ParticlesSimulation(CpuSimulation):
     def _first_diverged(self) -> int:
         return self._first_diverged_of(*self._places())
 
-    def _first_diverged_of(self, *places: Any) -> int:
+    def _first_diverged_of(self, *places: np.ndarray | int) -> int:
         """Return the index of the first diverged particle among `places`, see `_places`, or -1."""
         numba.set_num_threads(self._bands)
         check = make_first_diverged_of(self.real, self.scene.dimensions)
@@ -196,7 +196,7 @@ class QuadsSimulation(Targeted, ParticlesSimulation):
     def _send_rows(self, rows: np.ndarray) -> None:
         self.bodies[...] = rows
 
-    def _pin_velocity(self, step: int) -> Any:
+    def _pin_velocity(self, step: int) -> np.ndarray | float:
         if not self._first_pin:
             return 0
         number = step * self.scene.method.substeps

@@ -11,7 +11,6 @@ ARM: FZ of FPCR, which holds both; Arm Architecture Reference Manual, FPCR.
 from __future__ import annotations
 
 import platform
-from typing import Any
 
 import numba
 from llvmlite import ir
@@ -19,19 +18,21 @@ from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 
+from softlab.model.base.types import Compile
+
 _INT32, _INT64 = ir.IntType(32), ir.IntType(64)
 _BITS = {"x86_64": 0x8040, "amd64": 0x8040, "aarch64": 1 << 24, "arm64": 1 << 24}
 MACHINE = platform.machine().lower()
 FLUSH = _BITS.get(MACHINE, 0)  # bits of the register; 0: this architecture is not supported and nothing is flushed
 
 
-def _mxcsr(builder: ir.IRBuilder, name: str, place: Any) -> None:
+def _mxcsr(builder: ir.IRBuilder, name: str, place: ir.Value) -> None:
     kind = ir.FunctionType(ir.VoidType(), [ir.IntType(8).as_pointer()])
     function = builder.module.declare_intrinsic(f"llvm.x86.sse.{name}", (), kind)
     builder.call(function, [builder.bitcast(place, ir.IntType(8).as_pointer())])
 
 
-def read_register(builder: ir.IRBuilder) -> Any:
+def read_register(builder: ir.IRBuilder) -> ir.Value:
     """Build code that reads the thread's control register, int64."""
     if MACHINE in ("aarch64", "arm64"):
         return builder.asm(ir.FunctionType(_INT64, []), "mrs $0, fpcr", "=r", [], True)
@@ -40,7 +41,7 @@ def read_register(builder: ir.IRBuilder) -> Any:
     return builder.zext(builder.load(place), _INT64)
 
 
-def write_register(builder: ir.IRBuilder, value: Any) -> None:
+def write_register(builder: ir.IRBuilder, value: ir.Value) -> None:
     """Build code that sets the thread's control register to the int64 `value`."""
     if MACHINE in ("aarch64", "arm64"):
         builder.asm(ir.FunctionType(ir.VoidType(), [_INT64]), "msr fpcr, $0", "r,~{memory}", [value], True)
@@ -50,14 +51,14 @@ def write_register(builder: ir.IRBuilder, value: Any) -> None:
     _mxcsr(builder, "ldmxcsr", place)
 
 
-def flush_subnormals(builder: ir.IRBuilder) -> Any:
+def flush_subnormals(builder: ir.IRBuilder) -> ir.Value:
     """Build code that flushes subnormals from here on; return the register's value before, for `write_register`."""
     before = read_register(builder)
     write_register(builder, builder.or_(before, ir.Constant(_INT64, FLUSH)))
     return before
 
 
-_built_in: Any = intrinsic  # typed by numba when they are compiled
+_built_in: Compile = intrinsic  # typed by numba when they are compiled
 
 
 @_built_in

@@ -8,7 +8,6 @@ sheet.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 from numba import prange
@@ -17,7 +16,7 @@ from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import BLOCK, L_COLUMNS, L_PLANE, L_ROWS, L_STRIDE, row_at
 from softlab.cpu_backend.core.normals import plus
 from softlab.cpu_backend.core.scratch import AXES, SPAN, clear_column, clear_triple, row_edge, row_start
-from softlab.model.base.types import Real
+from softlab.model.base.types import Feature, Real
 from softlab.model.base.variant import FEATURE, features_of, routine, row_routine
 from softlab.model.formulas.cloth import gusty, mean
 from softlab.model.formulas.random import philox
@@ -166,10 +165,10 @@ def wind(state, record, integers, step, offset, acceleration):
             az[i, j] += push_z
 
 
-def wind_features(parts: frozenset[str], at: dict[str, int]) -> dict[str, Any]:
+def wind_features(parts: frozenset[str], at: dict[str, int]) -> dict[str, Feature]:
     """Return the features of `wind_cells` and `add_wind`; `at`: of triples_of."""
-    return features_of(parts) | {
-        "at_first": at.get("first", 0), "at_second": at.get("second", 0), "at_close": at["close"]
+    return {
+        **features_of(parts), "at_first": at.get("first", 0), "at_second": at.get("second", 0), "at_close": at["close"]
     }  # fmt: skip
 
 

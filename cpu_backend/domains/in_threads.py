@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Sequence
 from queue import Empty, Queue
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -25,7 +25,7 @@ class Meeting:
         self.queues: dict[tuple[int, int], Queue[np.ndarray]] = {
             (source, target): Queue() for source in range(count) for target in range(count)
         }
-        self.posted: list[Any] = [None] * count
+        self.posted: list[object] = [None] * count
         self.barrier = threading.Barrier(count)
 
     def all_of(self, rank: int, what: Any) -> Sequence[Any]:
@@ -87,11 +87,14 @@ class ThreadRanks(Ranks):
         return AmongThreads(self.rank, self.meeting)
 
 
-def run_in_threads(count: int, program: Callable[[Ranks], Any], patience: float = PATIENCE) -> list[Any]:
+Result = TypeVar("Result")
+
+
+def run_in_threads(count: int, program: Callable[[Ranks], Result], patience: float = PATIENCE) -> list[Result]:
     """Return the results of `program(ranks)` on each of `count` ranks. Raises the first error that originated on a
     rank."""
     meeting = Meeting(count, patience)
-    results: list[Any] = [None] * count
+    results: dict[int, Result] = {}
     errors: list[BaseException | None] = [None] * count
 
     def run(rank: int) -> None:
@@ -110,4 +113,4 @@ def run_in_threads(count: int, program: Callable[[Ranks], Any], patience: float 
     direct = [error for error in raised if not isinstance(error, BackendUnavailable)]
     for error in direct or raised:
         raise error
-    return results
+    return [results[rank] for rank in range(count)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,11 +12,14 @@ from softlab.cpu_backend.domains.ranks import RankExchange, Ranks
 from softlab.model.domains.exchange import Exchange, NothingSent
 from softlab.model.domains.processes import await_request, gather_rows, largest_of, swapped, world_of
 
+if TYPE_CHECKING:
+    from mpi4py.MPI import Intracomm, Request
+
 
 class AmongProcesses(NothingSent):
     """Collective communication among processes (see Exchange)."""
 
-    def __init__(self, rank: int, world: Any):
+    def __init__(self, rank: int, world: Intracomm):
         self.rank, self._world = rank, world
 
     def gather(self, owned: np.ndarray) -> np.ndarray:
@@ -32,11 +35,11 @@ class AmongProcesses(NothingSent):
 class MpiExchange(RankExchange, AmongProcesses):
     """Non-blocking messages, polled until they arrive (see Exchange)."""
 
-    def __init__(self, halo: Halo, world: Any):
+    def __init__(self, halo: Halo, world: Intracomm):
         RankExchange.__init__(self, halo)
         self._world = world
-        self._pending: list[tuple[int, Any]] = []
-        self._coming: dict[int, Any] = {}
+        self._pending: list[tuple[int, Request]] = []
+        self._coming: dict[int, Request] = {}
 
     def post(self) -> None:
         for source, message in self.halo.received.items():  # first, so that arriving messages have a buffer

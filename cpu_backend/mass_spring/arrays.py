@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -23,7 +23,7 @@ class Sheet(NamedTuple):
     forces, first pin of each row and columns of pins, colliders and their kinds."""
 
     layout: np.ndarray
-    parameters: Any
+    parameters: np.record
     integers: np.ndarray
     pin_start: np.ndarray
     pin_column: np.ndarray

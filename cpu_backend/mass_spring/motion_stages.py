@@ -3,20 +3,22 @@ of all masses at a time, an array (rows, columns)."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from numba import prange
 
 from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.simulation import RowsSimulation
 from softlab.model.base.types import Real
 from softlab.model.base.variant import filled, routine
 from softlab.model.core.integrators import step_formula
 from softlab.model.core.plan import Moment, StageRun
 from softlab.model.formulas.integrators import one_force, rk4_stage, verlet_first_half, verlet_second_half
 from softlab.model.formulas.springs import damped
+
+Planes = Sequence[np.ndarray] | np.ndarray  # one array (rows, columns) per unknown
 
 
 @routine
@@ -79,8 +81,9 @@ def make_motion_stages(compiler: Compiler, real: Real, integrator: str, has_damp
 
 
 def bind_motion(
-    sim: Any, make: SimpleNamespace, at: dict[str, Any], state: Any, acceleration: Any, store: Callable[[], None]
-) -> dict[str, StageRun]:
+    sim: RowsSimulation, make: SimpleNamespace, at: dict[str, Planes], state: Planes, acceleration: Planes,
+    store: Callable[[], None],
+) -> dict[str, StageRun]:  # fmt: skip
     """Return the functions of these stages of `sim`.
 
     `state`: one array per unknown, positions first; `at["state"]`: the state at which forces are evaluated, that or a
@@ -90,7 +93,7 @@ def bind_motion(
     empty = np.zeros((2 if integrator == "rk4" else 0, *sim.current.shape), sim.real)
     total, stage_state = (tuple(array) for array in empty) if len(empty) else ((), ())
 
-    def each_axis(stage: Any) -> StageRun:
+    def each_axis(stage: Callable) -> StageRun:
         def run(moment: Moment) -> None:
             store()
             for axis in range(axes):

@@ -128,11 +128,11 @@ def moment_scan(turns: int, then: Any) -> Any:
         "add": filled(add_moments, rows),
         "end": filled(end_moment_window, rows | {"then": then}),
     }
-    return filled(scan, {"KEEPS_ALL": True} | rows | parts)
+    return filled(scan, {"KEEPS_ALL": True, **rows, **parts})
 
 
 def goal_scan(rest: int) -> Any:
     """Return the scan of displacements to goals before `rest` more axes."""
     rows = {"ROWS_BEFORE": 3 * (rest + 1), "PLANES": 3 * (rest + 2)}
     parts = {"term": goal_term, "add": filled(add_goals, rows), "end": filled(end_goal_window, rows)}
-    return filled(scan, {"KEEPS_ALL": False} | rows | parts)
+    return filled(scan, {"KEEPS_ALL": False, **rows, **parts})

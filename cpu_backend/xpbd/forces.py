@@ -6,8 +6,6 @@ copied for it.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from softlab.cpu_backend.core.layout import BLOCK, L_PLANE, L_STRIDE, row_at
@@ -26,6 +24,7 @@ from softlab.cpu_backend.xpbd.layout import (
     P_STRIDE,
     P_WIND_SCRATCH,
 )
+from softlab.model.base.types import Feature
 from softlab.model.base.variant import FEATURE, routine, row_routine
 from softlab.model.core.own_forces import particle_forces
 from softlab.model.formulas.distance import added
@@ -129,7 +128,7 @@ def wind_band(band, bounds, natural, substep, sheet):
             weigh_row(FEATURE.classes * places[P_CLASS], spare, row_at(memory, sheet.row_places[0, i]), base, out)
 
 
-def force_features(parts: frozenset[str], axes: int, classes: int) -> dict[str, Any]:
+def force_features(parts: frozenset[str], axes: int, classes: int) -> dict[str, Feature]:
     """Return the features of the routines of this module."""
     at = triples_of(parts & WIND_PARTS)
     return wind_features(parts, at) | {

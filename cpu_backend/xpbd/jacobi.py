@@ -8,8 +8,6 @@ are computed once more.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from softlab.cpu_backend.core.compile import Compiler
@@ -198,11 +196,11 @@ def iterate_row(i, source, target, turn, later, scratch, sheet):
             gather_row(*arguments)
 
 
-def iteration_of(compiler: Compiler, real: Real, axes: int, parts: frozenset[str], several: bool) -> dict[str, Any]:
+def iteration_of(compiler: Compiler, real: Real, axes: int, parts: frozenset[str], several: bool) -> dict[str, object]:
     """Return the constraints of a scene by their open names in `open_walk` and `iterate_row`."""
     assert axes <= AXES
     at = displacement_triples(parts)
-    names: dict[str, Any] = {}
+    names: dict[str, object] = {}
     for name, family in zip(LEADS, FAMILIES, strict=True):
         if family.kind in parts:
             features = family_features(parts, axes, family, several)

@@ -6,7 +6,7 @@ free and weigh as the sheet's: the same bits in less time.
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from softlab.cpu_backend.xpbd.layout import (
     P_STRIDE,
 )
 from softlab.cpu_backend.xpbd.stage_projections import change as change_of
-from softlab.model.base.types import Real
+from softlab.model.base.types import Feature, Real
 from softlab.model.base.variant import FEATURE, Open, features_of, filled, routine, row_routine, unrolled
 from softlab.model.contact.substep_parameters import CONSTANTS, NAMES, Constants
 from softlab.model.formulas.distance import damping_factor, kicked, moved, predicted, rate
@@ -179,9 +179,10 @@ def link(i, later, sheet):
             project_class(i, np.int64(c), colour, later, memory, places, parameters, row_places, sheet.row_uneven)
 
 
-def family_features(parts: frozenset[str], axes: int, family: Family, several: bool) -> dict[str, Any]:
+def family_features(parts: frozenset[str], axes: int, family: Family, several: bool) -> dict[str, Feature]:
     """Return the features of the routines of a family. In a single iteration multipliers are 0 and not stored."""
-    return features_of(parts) | {
+    return {
+        **features_of(parts),
         "axes": axes, "family": FAMILIES.index(family), "rows_down": family.rows, "columns_along": abs(family.columns),
         "rising": family.columns < 0, "soft": several and f"{family.kind}-compliance" in parts,
         "damped": f"{family.kind}-damping" in parts,
@@ -191,7 +192,7 @@ def family_features(parts: frozenset[str], axes: int, family: Family, several: b
 
 def make_link(
     compiler: Compiler, real: Real, axes: int, parts: frozenset[str], family: Family, classes: int, several: bool
-) -> Any:
+) -> Callable:
     """Compile `link` for a family."""
     features = family_features(parts, axes, family, several) | {"classes": classes}
     names = {}

@@ -7,6 +7,7 @@ threads.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import accumulate
 from typing import Any
 
@@ -199,12 +200,12 @@ class PositionBased(RowsSimulation):
         rows, number = self.tables.reciprocals(self.record)
         self._row_places[2:] = self._part("reciprocals", layout.combed_rows(rows)) + number * layout.stride
 
-    def _variant(self) -> tuple[Any, ...]:
+    def _variant(self) -> tuple[object, ...]:
         """Return the variant of the kernels of make_seidel_advance and make_jacobi_advance."""
         several = self.scene.method.iterations > 1
         return self.real, self.options.math, self.scene.dimensions, self.plan.parts, several
 
-    def _arguments(self, step: int, steps: int) -> tuple[Any, ...]:
+    def _arguments(self, step: int, steps: int) -> tuple[object, ...]:
         """Return the arguments of such a kernel for `steps` steps from number `step` on."""
         method, bounds = self.scene.method, (self._bounds,)
         order = bounds if self.plan.parts & JACOBI else (self._steps, self._starts, *bounds)
@@ -215,7 +216,7 @@ class PositionBased(RowsSimulation):
         return self._bands, Steps(steps, step, method.substeps, method.iterations), *order, self._natural, sheet
 
     def _advance(self, step: int, steps: int) -> None:
-        make: Any = make_jacobi_advance if self.plan.parts & JACOBI else make_seidel_advance
+        make: Callable = make_jacobi_advance if self.plan.parts & JACOBI else make_seidel_advance
         make(*self._variant())(*self._arguments(step, steps))
 
     # ------------------------------------------------------------------ the contract

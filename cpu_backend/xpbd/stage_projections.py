@@ -6,7 +6,7 @@ and `right` columns to the right; for right = -1 from column j + 1 to column j.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from types import SimpleNamespace
 from typing import Any
 
@@ -16,7 +16,7 @@ from numba import prange
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.scratch import cloth_variant
 from softlab.cpu_backend.xpbd.tables import kind_of
-from softlab.model.base.types import Real
+from softlab.model.base.types import Features, Real
 from softlab.model.base.variant import FEATURE, features_of, routine
 from softlab.model.contact.substep_parameters import (
     constants_of,
@@ -37,7 +37,7 @@ from softlab.model.formulas.distance import (
 )
 from softlab.model.formulas.distance import reciprocal as reciprocal_of
 from softlab.model.formulas.lengths import dot, squared_length, squared_length_3d
-from softlab.model.position_based.plan import FAMILIES, colour_order, families
+from softlab.model.position_based.plan import FAMILIES, Family, colour_order, families
 
 MARGIN = 2  # rows and columns of displacements around the sheet, without constraints
 
@@ -185,11 +185,11 @@ def attach(position, weights, anchor, max_distance):
 
 
 def _compiled(
-    routines: Sequence[Any], name: str, real: Real, math: str, words: frozenset[str], features: dict[str, Any]
+    routines: Sequence[Callable], name: str, real: Real, math: str, words: frozenset[str], features: Features
 ) -> SimpleNamespace:
     """Compile kernels by their names; `words`: the parts that affect them."""
     compiler = Compiler(cloth_variant(f"{name}_{features['axes']}d", real, math, words), math)
-    variant = compiler.variant_of(real, features_of(words) | features)
+    variant = compiler.variant_of(real, {**features_of(words), **features})
     return SimpleNamespace(**{one.__name__: compiler.kernel(variant.copied(one)) for one in routines})
 
 
@@ -220,7 +220,7 @@ def bind_projections(
     """Return the functions of the stages of an iteration of `sim`, a cpu_backend.xpbd.solver.PositionBased."""
     parts = sim.plan.parts
 
-    def project(family: Any, colour: int) -> StageRun:
+    def project(family: Family, colour: int) -> StageRun:
         run, kind = make.kinds[family.kind].project, kind_of(family, colour, parts)
         multiplier = multipliers[FAMILIES.index(family)]
 

@@ -6,7 +6,7 @@ output arrays, with a weight for every mass.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
 from types import SimpleNamespace
 from typing import Any
@@ -30,7 +30,7 @@ from softlab.model.tables.cloth import COLLIDER_KINDS
 def make_position_stages(real: Real, math: str, axes: int, parts: frozenset[str]) -> SimpleNamespace:
     """Make the stage kernels of a variant; each is compiled when it first runs, for the parts that affect it."""
 
-    def build(make: Any, words: Sequence[str]) -> Any:
+    def build(make: Callable, words: Sequence[str]) -> Any:
         matter = frozenset(part for part in parts if part.split("-")[0] in words)
         return make(Compiler(cloth_variant("xpbd_stage", real, math, matter), math), real, matter)
 

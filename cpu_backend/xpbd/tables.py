@@ -6,15 +6,15 @@ parameters: a reciprocal is 0 where there is no constraint, and kernels need no 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any
+from functools import cached_property, partial
 
 import numpy as np
 
 from softlab.model.base.types import Real
 from softlab.model.base.variant import plain_formulas
-from softlab.model.contact.substep_parameters import constants_of
+from softlab.model.contact.substep_parameters import Constants, constants_of
 from softlab.model.core.build import Body
 from softlab.model.formulas import distance
 from softlab.model.position_based.plan import FAMILIES, Family, families
@@ -55,10 +55,10 @@ def valence(family: Family, i: int, columns: int, rows: int) -> np.ndarray:
 class _Rows:
     """Different rows (n, columns), and the numbers of a sheet's rows among them."""
 
-    known: dict[Any, int]
+    known: dict[object, int]
     rows: list[np.ndarray]
 
-    def number(self, key: Any, make: Any) -> int:
+    def number(self, key: object, make: Callable[[], np.ndarray]) -> int:
         if key not in self.known:
             self.known[key] = len(self.rows)
             self.rows.append(make())
@@ -99,7 +99,7 @@ class Tables:
     def valences(self) -> tuple[np.ndarray, np.ndarray]:
         """Return ((n, columns) as `real`, (rows,) the number of a row's)."""
         rows = _Rows({}, [])
-        number = [rows.number(id(row), lambda row=row: row) for row in self._valence_rows]
+        number = [rows.number(id(row), partial(np.asarray, row)) for row in self._valence_rows]
         return np.array(rows.rows), np.array(number, np.int64)
 
     def reciprocals(self, record: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -112,10 +112,10 @@ class Tables:
             k = FAMILIES.index(family)
             for i in range(self.rows - family.rows):
                 colour = i % 2 if family.rows and "alternating" in self.parts else 0
-                key: tuple[Any, ...] = family.name, colour, self.weight_row[i], self.weight_row[i + family.rows]
+                key: tuple[object, ...] = family.name, colour, self.weight_row[i], self.weight_row[i + family.rows]
                 if "jacobi" in self.parts:
                     key = *key, id(self._valence_rows[i]), id(self._valence_rows[i + family.rows])
-                number[k, i] = rows.number(key, lambda f=family, i=i: self._row(f, i, record))
+                number[k, i] = rows.number(key, partial(self._row, family, i, record))
         return np.array(rows.rows), number
 
     def _row(self, family: Family, i: int, record: np.ndarray) -> np.ndarray:
@@ -134,7 +134,7 @@ class Tables:
             out[: len(total)][selected] = self._values(total[selected], constants)
         return out
 
-    def _values(self, total: np.ndarray, constants: Any) -> np.ndarray:
+    def _values(self, total: np.ndarray, constants: Constants) -> np.ndarray:
         different, which = np.unique(total, return_inverse=True)
         if self.parts & {"load", "jacobi", "averaged-jacobi"}:
             values = [

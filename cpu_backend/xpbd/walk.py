@@ -6,7 +6,8 @@ All routines pass on `sheet`, a Sheet.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,7 +28,7 @@ from softlab.cpu_backend.xpbd.layout import (
     P_STRIDE,
 )
 from softlab.cpu_backend.xpbd.rows import factor_of, finish, pin, predict
-from softlab.model.base.types import Real
+from softlab.model.base.types import Feature, Real
 from softlab.model.base.variant import FEATURE, Open, routine, row_routine
 from softlab.model.formulas.distance import tether, tethered
 from softlab.model.formulas.lengths import squared_length, squared_length_3d
@@ -176,14 +177,14 @@ def end_row(i, substep, position, sheet):
         touch_row(i, substep, position, sheet)
 
 
-def sheet_features(parts: frozenset[str], axes: int, classes: int) -> dict[str, Any]:
+def sheet_features(parts: frozenset[str], axes: int, classes: int) -> dict[str, Feature]:
     """Return the features of the routines of a sheet's rows."""
     return force_features(parts, axes, classes) | {
         "separate_before": keeps_velocity(parts), "mass_forces": has_forces(parts), "uneven": False
     }  # fmt: skip
 
 
-def walk_of(compiler: Compiler, real: Real, axes: int, parts: frozenset[str], classes: int) -> dict[str, Any]:
+def walk_of(compiler: Compiler, real: Real, axes: int, parts: frozenset[str], classes: int) -> dict[str, Callable]:
     """Return what is open in `begin_row`."""
     uneven = compiler.variant_of(real, sheet_features(parts, axes, classes) | {"uneven": True})
     return {"predict_uneven": uneven(predict)}

@@ -10,9 +10,11 @@ block after another, these are plain accesses, valid for one block only.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+
+import numpy as np
 
 from softlab.gpu_backend.core.device import simulated
+from softlab.model.base.types import Index
 from softlab.model.base.variant import instruction
 
 PATIENCE = 1 << 22  # checks of a flag, some seconds, before a block gives up
@@ -23,12 +25,12 @@ if simulated():
         """Return (raise_flag, read_flag), see below."""
 
         @instruction
-        def raise_flag(flags: Any, index: Any, value: Any) -> None:
+        def raise_flag(flags: np.ndarray, index: Index, value: Index) -> None:
             """Set flags[index] = value, after everything this thread's block wrote before its last barrier."""
             flags[index] = value
 
         @instruction
-        def read_flag(flags: Any, index: Any) -> Any:
+        def read_flag(flags: np.ndarray, index: Index) -> int:
             """Return the current flags[index]; everything written before by the writer can be read after the block's
             next barrier."""
             return flags[index]
@@ -36,7 +38,7 @@ if simulated():
         return raise_flag, read_flag
 
     @instruction
-    def load_fresh_pair(array: Any, index: Any) -> Any:
+    def load_fresh_pair(array: np.ndarray, index: Index) -> complex:
         """Return array[index] of a contiguous complex array that other blocks write to."""
         return array[index]
 
@@ -44,14 +46,20 @@ else:
     from llvmlite import ir
     from numba.cuda import types
     from numba.cuda.extending import intrinsic
+    from numba.cuda.target import CUDATargetContext
 
-    def _address(context: Any, builder: Any, kind: Any, array: Any, index_type: Any, index: Any, times: int = 1) -> Any:
+    def _address(
+        context: CUDATargetContext, builder: ir.IRBuilder, kind: types.Array, array: ir.Value,
+        index_type: types.Integer, index: ir.Value, times: int = 1,
+    ) -> ir.Value:  # fmt: skip
         """Return the address of element `index` as an integer."""
         data = context.make_array(kind)(context, builder, array).data
         wide = context.cast(builder, index, index_type, types.int64)
         return builder.ptrtoint(builder.gep(data, [wide]), ir.IntType(64))
 
-    def _assembly(builder: Any, result: Any, arguments: list, text: str, constraints: str) -> Any:
+    def _assembly(
+        builder: ir.IRBuilder, result: ir.Type, arguments: list[ir.Value], text: str, constraints: str
+    ) -> ir.Value:
         kind = ir.FunctionType(result, [argument.type for argument in arguments])
         return builder.call(ir.InlineAsm(kind, text, constraints, side_effect=True), arguments)
 

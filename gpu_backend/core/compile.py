@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from functools import cache
 from types import SimpleNamespace
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numba import cuda
@@ -17,14 +17,39 @@ from numba import cuda
 from softlab.gpu_backend.core.device import simulated
 from softlab.model.base.digest import content_digest, file_name
 from softlab.model.base.kernel_cache import NamedByContent, NotifyingCache, Place, attach_cache
-from softlab.model.base.types import Real
+from softlab.model.base.types import Compile, Real
 from softlab.model.base.variant import Variant
+
+if TYPE_CHECKING:
+    from numba.cuda.cudadrv.driver import CudaPythonFunction as CudaFunction
 
 
 class Kernel(Protocol):
     """A compiled kernel: `kernel[blocks, threads, stream, bytes of shared memory](*arguments)`."""
 
     def __getitem__(self, launch: tuple) -> Callable[..., None]: ...
+
+    def typeof_pyval(self, value: object) -> object:
+        """Return numba's type of an argument."""
+
+    def compile(self, types: tuple[object, ...]) -> CompiledKernel:
+        """Compile the kernel for arguments of these types."""
+
+
+class CodeLibrary(Protocol):
+    """numba's machine code of a kernel."""
+
+    def get_cufunc(self) -> CudaFunction: ...
+
+
+class CompiledKernel(Protocol):
+    """A kernel for arguments of given types."""
+
+    cooperative: bool
+    _codelibrary: CodeLibrary
+
+    def max_cooperative_grid_blocks(self, threads: int) -> int:
+        """Return the number of blocks that the device runs at once."""
 
 
 def variant_name(real: Real, *words: object) -> str:
@@ -35,12 +60,12 @@ def variant_name(real: Real, *words: object) -> str:
     return "_".join(part.replace("-", "_") for part in parts)
 
 
-def kernel_options(math: str) -> dict[str, Any]:
+def kernel_options(math: str) -> dict[str, bool]:
     """Return the options of cuda.jit for a math."""
     return {"fastmath": math == "fast"}
 
 
-def inlined(math: str) -> Callable[[Callable], Any]:
+def inlined(math: str) -> Compile:
     """Return the decorator of device functions that take arrays in registers: a call would move them into local
     memory."""
     options = kernel_options(math)
@@ -49,7 +74,7 @@ def inlined(math: str) -> Callable[[Callable], Any]:
     return cuda.jit(device=True, **options)
 
 
-def make_kernel(function: Callable, variant: str, **options: Any) -> Kernel:
+def make_kernel(function: Callable, variant: str, **options: object) -> Kernel:
     """Return cuda.jit(**options)(function), with its machine code cached on disk.
 
     Without a writable folder the kernel is compiled in each process (NUMBA_CACHE_DIR sets one). The simulator takes no
@@ -64,7 +89,7 @@ def make_kernel(function: Callable, variant: str, **options: Any) -> Kernel:
     return kernel
 
 
-def make_kernels(functions: Iterable[Callable], variant: str, **options: Any) -> SimpleNamespace:
+def make_kernels(functions: Iterable[Callable], variant: str, **options: object) -> SimpleNamespace:
     """Compile kernels, by the names of their functions."""
     return SimpleNamespace(**{function.__name__: make_kernel(function, variant, **options) for function in functions})
 
@@ -75,7 +100,7 @@ def kernels_of(variant: Variant, math: str, routines: Iterable[Callable], label:
 
 
 @cache
-def _kernel_cache() -> Any:
+def _kernel_cache() -> type[NotifyingCache]:
     from numba.cuda.dispatcher import CUDACache, CUDACacheImpl
 
     class KernelFiles(NamedByContent, CUDACacheImpl):

@@ -14,7 +14,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cache
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from numba import cuda
@@ -190,7 +189,7 @@ def make_projections(real: Real, math: str, projection: Projection) -> Kernel:
     return make_kernel(kernel, f"{projection.name}_{variant_name(real, math)}", **kernel_options(math))
 
 
-def with_projection(kernel: Callable, math: str, projection: Projection) -> Any:
+def with_projection(kernel: Callable, math: str, projection: Projection) -> Callable:
     """Return a kernel that calls `fetch` and `take` with what is open in them."""
 
     def row(numbers: int) -> Callable:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 from numba import cuda
 
-from softlab.gpu_backend.core.device import simulated
+from softlab.gpu_backend.core.compile import Kernel
+from softlab.gpu_backend.core.device import Arguments, simulated
 from softlab.gpu_backend.core.launch import prepare
+from softlab.gpu_backend.core.simulation import CudaSimulation
 
 STEPS = 64  # per launch, so that it can be interrupted
 
@@ -19,7 +20,7 @@ class Cooperative:
     once. The arguments include `flags` (1,) int32, 0 before each launch."""
 
     def __init__(
-        self, simulation: Any, kernel: Any, arguments: Callable[[int], tuple[Any, ...]], most: int, threads: int
+        self, simulation: CudaSimulation, kernel: Kernel, arguments: Callable[[int], Arguments], most: int, threads: int
     ):
         self.flags = cuda.to_device(np.zeros(1, np.int32), stream=simulation.stream)
         self._simulation, self._kernel, self._arguments, self._threads = simulation, kernel, arguments, threads

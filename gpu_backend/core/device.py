@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from functools import cache
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
 
@@ -25,6 +25,16 @@ class Stream(Protocol):
     def synchronize(self) -> None: ...
 
 
+class Event(Protocol):
+    """A place in the work of a stream."""
+
+    def record(self, stream: Stream) -> None: ...
+
+    def wait(self, stream: Stream) -> None: ...
+
+    def query(self) -> bool: ...
+
+
 class DeviceArray(Protocol):
     """An array in the device's memory; in the simulator an array of the host."""
 
@@ -38,6 +48,8 @@ class DeviceArray(Protocol):
     def view(self, dtype: np.dtype | type) -> DeviceArray: ...
 
     def __getitem__(self, index: int | slice) -> DeviceArray: ...
+
+    def __len__(self) -> int: ...
 
 
 Argument = DeviceArray | np.generic | int | float | tuple  # of a kernel; a tuple is a group of them
@@ -101,7 +113,7 @@ def memory_info() -> tuple[int, int]:
     """Return (free, total) bytes of the GPU's memory."""
     from numba import cuda
 
-    info: Any = cuda.current_context().get_memory_info()
+    info = cuda.current_context().get_memory_info()
     return int(info[0]), int(info[1])
 
 

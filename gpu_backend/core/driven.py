@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from softlab.gpu_backend.core.quad_simulation import QuadSimulation
@@ -28,7 +26,7 @@ class DrivenSimulation(Targeted, QuadSimulation):
         self.bodies.copy_to_device(self._rows, stream=self.stream)
         self.synchronize()
 
-    def _pin_velocity(self, step: int) -> Any:
+    def _pin_velocity(self, step: int) -> np.ndarray | float:
         if not self._first_pin:
             return 0
         number = step * self.scene.method.substeps

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from typing import Any
 
 import numpy as np
 from numba import cuda
@@ -18,7 +17,8 @@ from softlab.gpu_backend.core.device import DeviceArray
 from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.integers import knows_time
 from softlab.gpu_backend.core.quads import AXES, SIZE, load_quad, store_quad
-from softlab.model.base.types import Real
+from softlab.gpu_backend.core.simulation import CudaSimulation
+from softlab.model.base.types import Feature, Real
 from softlab.model.base.variant import FEATURE, Open, features_of, filled, inlined_routine, inlined_throughout, routine
 from softlab.model.core import own_forces
 from softlab.model.core.own_forces import PARTICLE_FORCES, accelerated, particle_forces
@@ -69,21 +69,21 @@ def force(position, record, integers, step, a):
         store_quad(a, k, ax, ay, az, 0.0)
 
 
-def with_forces(kernel: Callable, parts: frozenset[str]) -> Any:
+def with_forces(kernel: Callable, parts: frozenset[str]) -> Callable:
     """Return a kernel whose `particle_force` is the sum of the forces on single particles in `parts`."""
     return filled(kernel, {"particle_force": inlined_throughout(accelerated(parts))})
 
 
-def particle_features(parts: frozenset[str], axes: int = AXES) -> dict[str, Any]:
+def particle_features(parts: frozenset[str], axes: int = AXES) -> dict[str, Feature]:
     """Return the features of kernels that move particles: of their forces, their motion, colliders and the clock."""
-    return features_of(parts) | {"axes": axes, "timed": knows_time(parts)}
+    return {**features_of(parts), "axes": axes, "timed": knows_time(parts)}
 
 
 @cache
 def make_force_stages(real: Real, math: str, parts: frozenset[str]) -> dict[str, Kernel]:
     """Compile the stages of gravity and of own forces, by name: kernels (position, record, integers, step, a), which
     add to the accelerations `a` (quads); the weights are in `position`."""
-    stages: dict[str, Any] = {"gravity": gravity}
+    stages: dict[str, Callable] = {"gravity": gravity}
     for one in particle_forces(parts):
         stages[one.stage] = with_forces(force, frozenset({one.part}))
     variant = device_variant(real, math, particle_features(parts))
@@ -94,11 +94,13 @@ def make_force_stages(real: Real, math: str, parts: frozenset[str]) -> dict[str,
     }
 
 
-def bind_forces(sim: Any, parts: frozenset[str], position: DeviceArray, a: Any) -> dict[str, StageRun]:
+def bind_forces(
+    sim: CudaSimulation, parts: frozenset[str], position: DeviceArray, a: DeviceArray
+) -> dict[str, StageRun]:
     """Return the functions of those stages for `sim`, which read particles at `position` and add accelerations to
     `a`."""
 
-    def bound(kernel: Any) -> StageRun:
+    def bound(kernel: Kernel) -> StageRun:
         return lambda moment: kernel[sim._flat](position, sim.record, sim.integers, np.int64(moment.step), a)
 
     kernels = make_force_stages(sim.real, sim.options.math, parts)

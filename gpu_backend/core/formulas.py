@@ -11,17 +11,16 @@ of `reciprocal` both branches are computed and one is selected, since the quotie
 from __future__ import annotations
 
 import operator
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import cache
 from types import ModuleType
-from typing import Any
 
 import numpy as np
 from numba import cuda
 
 from softlab.gpu_backend.core.compile import inlined
 from softlab.gpu_backend.core.device import simulated
-from softlab.model.base.types import Real
+from softlab.model.base.types import Features, FeatureSet, Real
 from softlab.model.base.variant import PRODUCT, Formulas, OfPrecision, Variant, routine
 
 if not simulated():
@@ -68,7 +67,7 @@ def reciprocal(weight, stiffening, compliance):
     return inverse if weight > 0.0 else 0.0
 
 
-def _instructions(real: Real, math: str, options: dict[str, Any]) -> dict[str, Callable]:
+def _instructions(real: Real, math: str, options: dict[str, bool]) -> dict[str, Callable]:
     if simulated():
         return {PRODUCT: operator.mul} if math == "exact" else {}
     single = real is np.float32
@@ -85,7 +84,7 @@ def _instructions(real: Real, math: str, options: dict[str, Any]) -> dict[str, C
 
 
 @cache
-def _variant(real: Real, math: str, inline: bool, features: frozenset[tuple[str, Any]]) -> Variant:
+def _variant(real: Real, math: str, inline: bool, features: FeatureSet) -> Variant:
     options = {"fastmath": math == "fast"}
     instructions = _instructions(real, math, options)
     product = instructions.pop(PRODUCT, None)
@@ -93,11 +92,11 @@ def _variant(real: Real, math: str, inline: bool, features: frozenset[tuple[str,
     return Variant(real, compiled, dict(features), product, instructions, {"inlined": inlined(math)})
 
 
-def device_variant(real: Real, math: str, features: Mapping[str, Any] | None = None, inline: bool = False) -> Variant:
+def device_variant(real: Real, math: str, features: Features | None = None, inline: bool = False) -> Variant:
     """Return the compiler of formulas as device functions for `math`; see model/base/variant.py."""
     return _variant(real, math, inline, frozenset((features or {}).items()))
 
 
-def device_formulas(module: ModuleType, real: Real, math: str, features: Mapping[str, Any] | None = None) -> Formulas:
+def device_formulas(module: ModuleType, real: Real, math: str, features: Features | None = None) -> Formulas:
     """Return the formulas of a module in a variant."""
     return device_variant(real, math, features).of(module)

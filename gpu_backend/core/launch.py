@@ -7,12 +7,16 @@ change during a run (constants, the step counter) are in small device arrays tha
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from numba import cuda
 
+from softlab.gpu_backend.core.compile import Kernel
 from softlab.gpu_backend.core.device import Arguments, Stream, simulated
 from softlab.model.base.errors import BackendUnavailable
+
+if TYPE_CHECKING:
+    from cuda.bindings import runtime
 
 CHUNKS = (256, 64, 16, 4, 2)  # passes per graph; even, so that ping-pong buffers are back in place after each
 
@@ -42,7 +46,7 @@ class Graphs:
         self._runtime = runtime
         self._stream = stream
         self._launch, self._after = launch, after
-        self._graphs: dict[tuple[int, int], Any] = {}
+        self._graphs: dict[tuple[int, int], runtime.cudaGraphExec_t] = {}
 
     def run(self, parity: int, count: int) -> int:
         """Run as many of `count` passes as fill even chunks; returns the rest (0 or 1)."""
@@ -62,11 +66,11 @@ class Graphs:
         if (parity, count) not in self._graphs:
             self._graphs[parity, count] = self._capture(parity, count)
 
-    def _handle(self) -> Any:
+    def _handle(self) -> runtime.cudaStream_t:
         handle = self._stream.handle  # an integer-like object of cuda.bindings, or a ctypes pointer of older versions
         return self._runtime.cudaStream_t(int(getattr(handle, "value", handle) or 0))
 
-    def _capture(self, parity: int, count: int) -> Any:
+    def _capture(self, parity: int, count: int) -> runtime.cudaGraphExec_t:
         runtime = self._runtime
         mode = runtime.cudaStreamCaptureMode.cudaStreamCaptureModeRelaxed
         _checked(runtime.cudaStreamBeginCapture(self._handle(), mode))
@@ -85,7 +89,7 @@ class Graphs:
         self._graphs.clear()
 
 
-def prepare(kernel: Any, arguments: Arguments, shared: int, cooperative: bool = False) -> None:
+def prepare(kernel: Kernel, arguments: Arguments, shared: int, cooperative: bool = False) -> None:
     """Compile a kernel for these arguments, and allow it `shared` bytes of dynamic shared memory, also above 48 KB.
 
     `cooperative`: all blocks are launched together or not at all.

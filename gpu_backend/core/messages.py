@@ -13,13 +13,13 @@ from __future__ import annotations
 
 import threading
 import time
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 
 from softlab.gpu_backend.core.compile import inlined
 from softlab.gpu_backend.core.device import simulated
-from softlab.model.base.types import Real
+from softlab.model.base.types import Index, Number, Real
 from softlab.model.base.variant import FEATURE, inlined_routine, instruction
 
 
@@ -38,25 +38,25 @@ if simulated():
         time.sleep(0)
 
     @instruction
-    def _send_32(array: Any, index: Any, x: Any, y: Any, z: Any, tag: Any) -> None:
+    def _send_32(array: np.ndarray, index: Index, x: Number, y: Number, z: Number, tag: Index) -> None:
         k = 4 * int(index)
         array[k], array[k + 1], array[k + 2] = x, y, z
         array[k + 3] = tag
 
     @instruction
-    def _receive_32(array: Any, index: Any) -> tuple[Any, Any, Any, Any]:
+    def _receive_32(array: np.ndarray, index: Index) -> tuple[float, float, float, int]:
         k = 4 * int(index)
         tag = array[k + 3]
         return array[k], array[k + 1], array[k + 2], tag
 
     @instruction
-    def _send_64(array: Any, index: Any, x: Any, tag: Any) -> None:
+    def _send_64(array: np.ndarray, index: Index, x: Number, tag: Index) -> None:
         k = 2 * int(index)
         array[k] = x
         array[k + 1] = tag
 
     @instruction
-    def _receive_64(array: Any, index: Any) -> tuple[Any, Any]:
+    def _receive_64(array: np.ndarray, index: Index) -> tuple[float, int]:
         k = 2 * int(index)
         tag = array[k + 1]
         return array[k], tag
@@ -68,23 +68,30 @@ if simulated():
         return arrived
 
     @instruction
-    def pause(cycles: Any) -> None:
+    def pause(cycles: Index) -> None:
         """Wait for that many cycles of the multiprocessor."""
 
 else:
     from llvmlite import ir
     from numba.cuda import types
     from numba.cuda.extending import intrinsic
+    from numba.cuda.target import CUDATargetContext
+    from numba.cuda.typing import Signature
 
     FLOAT, DOUBLE, WORD, LONG = ir.FloatType(), ir.DoubleType(), ir.IntType(32), ir.IntType(64)
 
-    def _address(context: Any, builder: Any, kind: Any, array: Any, index_type: Any, index: Any, size: int) -> Any:
+    def _address(
+        context: CUDATargetContext, builder: ir.IRBuilder, kind: types.Array, array: ir.Value,
+        index_type: types.Integer, index: ir.Value, size: int,
+    ) -> ir.Value:  # fmt: skip
         data = context.make_array(kind)(context, builder, array).data
         wide = context.cast(builder, index, index_type, types.int64)
         first = builder.mul(wide, ir.Constant(wide.type, size))
         return builder.ptrtoint(builder.gep(data, [first]), LONG)
 
-    def _assembly(builder: Any, result: Any, arguments: list, text: str, constraints: str) -> Any:
+    def _assembly(
+        builder: ir.IRBuilder, result: ir.Type, arguments: list[ir.Value], text: str, constraints: str
+    ) -> ir.Value:
         kind = ir.FunctionType(result, [argument.type for argument in arguments])
         return builder.call(ir.InlineAsm(kind, text, constraints, side_effect=True), arguments)
 
@@ -163,7 +170,9 @@ else:
 
         return types.Tuple((types.float64, types.int64))(array, index), generate
 
-    def _typed(signature: Any, arguments: Any) -> tuple[Any, Any, Any, Any]:
+    def _typed(
+        signature: Signature, arguments: Sequence[ir.Value]
+    ) -> tuple[types.Array, ir.Value, types.Integer, ir.Value]:
         return signature.args[0], arguments[0], signature.args[1], arguments[1]
 
 

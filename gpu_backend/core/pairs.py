@@ -7,20 +7,21 @@ compiler emits one vector instruction. Under the simulator they are plain indexi
 
 from __future__ import annotations
 
-from typing import Any
+import numpy as np
 
 from softlab.gpu_backend.core.device import simulated
+from softlab.model.base.types import Index, Number
 from softlab.model.base.variant import instruction
 
 if simulated():
 
     @instruction
-    def load_pair(array: Any, index: Any) -> Any:
+    def load_pair(array: np.ndarray, index: Index) -> complex:
         """Return array[index] of a contiguous complex array."""
         return array[index]
 
     @instruction
-    def store_pair(array: Any, index: Any, x: Any, y: Any) -> None:
+    def store_pair(array: np.ndarray, index: Index, x: Number, y: Number) -> None:
         """Set array[index] = x + i y."""
         array[index] = complex(x, y)
 
@@ -28,10 +29,12 @@ else:
     from llvmlite import ir
     from numba.cuda import types
     from numba.cuda.extending import intrinsic
+    from numba.cuda.target import CUDATargetContext
 
     def _pointer(
-        context: Any, builder: Any, array_type: Any, array: Any, index_type: Any, index: Any
-    ) -> tuple[Any, Any]:
+        context: CUDATargetContext, builder: ir.IRBuilder, array_type: types.Array, array: ir.Value,
+        index_type: types.Integer, index: ir.Value,
+    ) -> tuple[ir.Value, int]:  # fmt: skip
         """Return (pointer to element `index` as a vector of two scalars, bytes of the vector)."""
         scalar = context.get_value_type(array_type.dtype.underlying_float)
         vector = ir.VectorType(scalar, 2)

@@ -8,28 +8,36 @@ indexing.
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+
+import numpy as np
 
 from softlab.gpu_backend.core.device import simulated
+from softlab.model.base.types import Index, Number
 from softlab.model.base.variant import instruction
 
 if simulated():
 
     @instruction
-    def near(array: Any, place: Any, distance: Any) -> Any:
+    def near(array: np.ndarray, place: Index, distance: Index) -> float:
         """Return array[place + distance] of a contiguous array of scalars."""
         return array[int(place) + int(distance)]
 
     @instruction
-    def put_near(array: Any, place: Any, distance: Any, value: Any) -> None:
+    def put_near(array: np.ndarray, place: Index, distance: Index, value: Number) -> None:
         """Set array[place + distance] = value."""
         array[int(place) + int(distance)] = value
 
 else:
+    from llvmlite import ir
     from numba.cuda import types
     from numba.cuda.extending import intrinsic
+    from numba.cuda.target import CUDATargetContext
+    from numba.cuda.typing import Signature
 
-    def _pointer(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+    def _pointer(
+        context: CUDATargetContext, builder: ir.IRBuilder, signature: Signature, arguments: Sequence[ir.Value]
+    ) -> ir.Value:
         data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
         place = context.cast(builder, arguments[1], signature.args[1], types.int64)
         distance = context.cast(builder, arguments[2], signature.args[2], types.int64)

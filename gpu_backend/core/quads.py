@@ -10,11 +10,10 @@ for a signed one compiled code checks whether it is negative, which took half as
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from softlab.gpu_backend.core.device import simulated
+from softlab.model.base.types import Index, Number
 from softlab.model.base.variant import FEATURE, inlined_routine, instruction, unrolled
 
 AXES = 3
@@ -25,13 +24,13 @@ SIZE = 4  # scalars
 if simulated():
 
     @instruction
-    def load_quad(array: Any, index: Any) -> Any:
+    def load_quad(array: np.ndarray, index: Index) -> tuple:
         """Return (x, y, z, fourth number) of mass `index` in a flat array of scalars."""
         k = SIZE * int(index)
         return array[k], array[k + 1], array[k + 2], array[k + 3]
 
     @instruction
-    def store_quad(array: Any, index: Any, x: Any, y: Any, z: Any, spare: Any) -> None:
+    def store_quad(array: np.ndarray, index: Index, x: Number, y: Number, z: Number, spare: Number) -> None:
         """Set mass `index` = (x, y, z, fourth number)."""
         k = SIZE * int(index)
         array[k], array[k + 1], array[k + 2], array[k + 3] = x, y, z, spare
@@ -40,10 +39,14 @@ else:
     from llvmlite import ir
     from numba.cuda import types
     from numba.cuda.extending import intrinsic
+    from numba.cuda.target import CUDATargetContext
 
     BYTES = 16  # of the widest access
 
-    def _places(context: Any, builder: Any, array_type: Any, array: Any, index_type: Any, index: Any) -> Any:
+    def _places(
+        context: CUDATargetContext, builder: ir.IRBuilder, array_type: types.Array, array: ir.Value,
+        index_type: types.Integer, index: ir.Value,
+    ) -> tuple[list[ir.Value], int]:  # fmt: skip
         """Return (pointers to the vectors of quad `index`, scalars of each)."""
         scalar = context.get_value_type(array_type.dtype)
         width = BYTES * 8 // array_type.dtype.bitwidth

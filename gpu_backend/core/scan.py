@@ -8,13 +8,12 @@ from __future__ import annotations
 
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from numba import cuda
 
 from softlab.gpu_backend.core.compile import kernels_of
-from softlab.gpu_backend.core.device import Stream, simulated
+from softlab.gpu_backend.core.device import DeviceArray, Stream, simulated
 from softlab.gpu_backend.core.formulas import device_variant
 from softlab.model.base.variant import FEATURE, routine
 
@@ -105,7 +104,7 @@ class Scan:
         self._stream = stream
         self._totals = cuda.to_device(np.zeros(self._blocks, np.int32), stream=stream)
 
-    def run(self, counts: Any, starts: Any, cursors: Any) -> None:
+    def run(self, counts: DeviceArray, starts: DeviceArray, cursors: DeviceArray) -> None:
         """Write the sum of the counts before each one to starts and cursors; device arrays (count,) int32."""
         kernels, launch = make_scan(), (self._blocks, CHUNK, self._stream)
         kernels.chunks[launch](counts, starts, self._totals)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from numba import cuda
@@ -13,6 +12,7 @@ from softlab.gpu_backend.core.compile import kernel_options, kernels_of, make_ke
 from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.quads import SIZE, load_quad
 from softlab.gpu_backend.core.world import Cell
+from softlab.model.base.types import Real
 from softlab.model.base.variant import inlined_routine, routine
 from softlab.model.formulas.cloth import unit
 from softlab.model.formulas.lengths import cross
@@ -112,7 +112,7 @@ def write_mesh_normal(position, out, offsets, at_vertex, corners):
 
 
 @cache
-def make_cloth_tools(real: Any) -> SimpleNamespace:
+def make_cloth_tools(real: Real) -> SimpleNamespace:
     """Compile small kernels around the passes: count steps, find bad masses, write positions and normals for
     drawing."""
     tools = count, first_diverged, write_position, write_normal
@@ -120,7 +120,7 @@ def make_cloth_tools(real: Any) -> SimpleNamespace:
 
 
 @cache
-def make_mesh_tools(real: Any) -> SimpleNamespace:
+def make_mesh_tools(real: Real) -> SimpleNamespace:
     """Compile `write_normal(position, out, offsets, at_vertex, corners)`: unit normals (vertices, 3) for drawing, of
     the triangles at each vertex, weighted by area."""
     kernel = device_variant(real, "exact").copied(write_mesh_normal)

@@ -58,7 +58,7 @@ class CudaSimulation(Simulation):
     _tools: SimpleNamespace
     _executor: Executor
     _graphs: Graphs | None = None
-    _normals: Any = None
+    _normals: DeviceArray | None = None
 
     def __init__(self, scene: Scene, options: Options, stream: Stream | None = None):
         """Open the simulation. `stream`: of a world whose members run on one; None: a new one."""
@@ -110,7 +110,7 @@ class CudaSimulation(Simulation):
         """Return a flat device array of zeros, written on the device."""
         if simulated():
             return self.on_device(np.zeros(count, dtype))
-        array: Any = cuda.device_array(count, dtype, stream=self.stream)
+        array = cuda.device_array(count, dtype, stream=self.stream)
         array.gpu_data.memset(0, stream=self.stream)
         return array
 
@@ -232,6 +232,7 @@ class CudaSimulation(Simulation):
         if not on_device and self._normals is None:
             self._normals = cuda.to_device(np.zeros(self.body.position.shape, self.real), stream=self.stream)
         out = cuda.as_cuda_array(into) if on_device else self._normals
+        assert out is not None
         self._tools.write_normal[self._flat](self.position[self._current], out, *self._normal_arguments())
         self.synchronize()
         if on_device:

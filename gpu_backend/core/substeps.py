@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable
-from typing import Any
 
+from softlab.gpu_backend.core.device import DeviceArray
 from softlab.gpu_backend.core.launch import Graphs, can_capture
 from softlab.gpu_backend.core.quad_simulation import QuadSimulation
 from softlab.model.core.options import unknown_kernel
@@ -98,12 +98,12 @@ class SubstepSimulation(Launched, QuadSimulation):
         raise NotImplementedError
 
     @property
-    def inertial(self) -> Any:
+    def inertial(self) -> DeviceArray | None:
         """Inertial positions, quads, of solvers that return to them in each iteration, else None. Displacements of
         particles by other solvers must be applied to these, too."""
         return None
 
     @property
-    def substep_start(self) -> Any:
+    def substep_start(self) -> DeviceArray:
         """Positions at the start of the substep, quads."""
         return self.position[1 - self._current]

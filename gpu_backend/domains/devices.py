@@ -8,12 +8,15 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from functools import cache
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING
 
 from numba import cuda
 
-from softlab.gpu_backend.core.device import require_gpu, simulated
+from softlab.gpu_backend.core.device import Event, require_gpu, simulated
 from softlab.model.base.errors import BackendUnavailable
+
+if TYPE_CHECKING:
+    from numba.cuda.cudadrv.driver import Module
 
 OVERSUBSCRIBE = "SOFTLAB_SHARE_GPU"  # set to 1: more windows than GPUs share the available ones
 ALREADY_ENABLED = 704  # CUDA_ERROR_PEER_ACCESS_ALREADY_ENABLED
@@ -57,7 +60,7 @@ def _unload_once_at_exit() -> None:
     atexit.register(end)
 
 
-def unload_once(modules: Iterable[Mapping[Any, Any]]) -> None:
+def unload_once(modules: Iterable[Mapping[object, Module]]) -> None:
     """Make one GPU only unload each library of kernels; `modules`: the libraries that each GPU has loaded.
 
     numba-cuda 0.30.4 loads a library of kernels once for all GPUs, but records it as loaded by each that runs one, and
@@ -72,16 +75,15 @@ def unload_once(modules: Iterable[Mapping[Any, Any]]) -> None:
             seen.add(library)
 
 
-def at(device: int) -> AbstractContextManager[Any]:
+def at(device: int) -> AbstractContextManager[object]:
     """Return the context in which work is queued on GPU number `device`."""
-    context: AbstractContextManager[Any] = cuda.gpus[device]
+    context: AbstractContextManager[object] = cuda.gpus[device]
     return context
 
 
-def new_event() -> Any:
+def new_event() -> Event | None:
     """Return an event of the current GPU, without timing; None under the simulator, whose streams are always done."""
-    api: Any = cuda
-    return None if simulated() else api.event(timing=False)
+    return None if simulated() else cuda.event(timing=False)
 
 
 def connect(devices: Sequence[int]) -> None:

@@ -8,13 +8,13 @@ neighbour as lost. Windows that share a GPU alternate instead: all have pushed b
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numba import cuda
 
 from softlab.gpu_backend.core.device import DeviceArray, Stream, require_gpu, simulated
 from softlab.gpu_backend.core.launch import Graphs
+from softlab.gpu_backend.core.simulation import CudaSimulation
 from softlab.gpu_backend.domains.devices import at, connect, devices_for
 from softlab.gpu_backend.domains.kernels import FLAG_STRIDE, MOST_BLOCKS, THREADS, blocks_for, make_border_kernels
 from softlab.gpu_backend.domains.units import StateUnits
@@ -38,7 +38,7 @@ class FlagExchange(Exchange):
     its blocks sent; for each window its GPU has a flag of failed exchanges. `alone`: true if each has its own GPU.
     """
 
-    def __init__(self, windows: Sequence[Any], decomposition: Decomposition, devices: Sequence[int]):
+    def __init__(self, windows: Sequence[CudaSimulation], decomposition: Decomposition, devices: Sequence[int]):
         self.windows, self.decomposition, self.devices = windows, decomposition, devices
         self.alone = len(set(devices)) == len(windows)
         self.states = [StateUnits(window, decomposition.columns) for window in windows]
@@ -73,7 +73,7 @@ class FlagExchange(Exchange):
                         (self.push if give else self.take)(border, window.stream, nothing=True)
                     window.synchronize()
 
-    def _launch(self, border: Border, stream: Stream) -> tuple[int, int, Any]:
+    def _launch(self, border: Border, stream: Stream) -> tuple[int, int, Stream]:
         """Return the launch configuration; under the simulator, which runs every thread of every block, two small
         blocks."""
         return (2, 8, stream) if simulated() else (blocks_for(self._count(border)), THREADS, stream)

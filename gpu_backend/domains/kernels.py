@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from numba import cuda
@@ -33,7 +32,7 @@ PATIENCE = 20_000_000_000  # ns that a block waits for a neighbour
 CHECKS = 255  # checks of a flag between two of the clock; all binary digits are ones
 
 
-def unit_of(real: Real, dimensions: int, columns: int) -> Any:
+def unit_of(real: Real, dimensions: int, columns: int) -> type:
     """Return the type in which a border's bytes are copied: 16 bytes, or 8 if rows of pairs of float32 are not a
     multiple."""
     return np.complex64 if dimensions == 2 and real is np.float32 and columns % 2 else np.complex128
@@ -109,7 +108,7 @@ def take(position, velocity, to, count, inbox, taken):
 
 
 @cache
-def make_border_kernels(unit: Any) -> SimpleNamespace:
+def make_border_kernels(unit: type) -> SimpleNamespace:
     """Compile `pull_some`, `push`, `wait`, `take`.
 
     Arrays of positions and velocities are flat, of the complex type `unit` (see `unit_of`), in which all counts are; so

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
+from types import ModuleType
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ def find_links() -> Links:
 
 
 @contextmanager
-def _started(library: Any) -> Iterator[None]:
+def _started(library: ModuleType) -> Iterator[None]:
     library.nvmlInit()
     try:
         yield
@@ -46,7 +46,7 @@ def _started(library: Any) -> Iterator[None]:
         library.nvmlShutdown()
 
 
-def _has_access(library: Any, one: Any, other: Any) -> bool:
+def _has_access(library: ModuleType, one: object, other: object) -> bool:
     """Return True if both read and write each other's memory. pynvml 13.615 defines one of these as a tuple, because of
     a superfluous comma."""
     named = library.NVML_P2P_CAPS_INDEX_READ, library.NVML_P2P_CAPS_INDEX_WRITE
@@ -56,7 +56,7 @@ def _has_access(library: Any, one: Any, other: Any) -> bool:
     return all(status == library.NVML_P2P_STATUS_OK for status in states)
 
 
-def _active(library: Any, handle: Any) -> int:
+def _active(library: ModuleType, handle: object) -> int:
     """Return the number of active NVLinks; a GPU without any reports them as unsupported."""
     up = 0
     for link in range(library.NVML_NVLINK_MAX_LINKS):

@@ -12,11 +12,13 @@ import os
 import time
 from collections.abc import Sequence
 from importlib.util import find_spec
-from typing import Any
+from types import ModuleType
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from softlab.gpu_backend.core.device import require_gpu
+from softlab.gpu_backend.core.device import Event, require_gpu
+from softlab.gpu_backend.core.simulation import CudaSimulation
 from softlab.gpu_backend.domains.devices import at, devices_for, gpu_count, new_event, sharing
 from softlab.gpu_backend.domains.units import StateUnits
 from softlab.gpu_backend.domains.windows import GpuWindows
@@ -29,12 +31,16 @@ from softlab.model.domains.processes import gather_rows, largest_of, lost, mpi, 
 from softlab.model.domains.simulation import cut
 from softlab.model.scene.scene import Scene
 
+if TYPE_CHECKING:
+    import nccl.core as nccl_core
+    from mpi4py.MPI import Intracomm
+
 INSTALL = 'pip install "nccl4py[cu13]" (or [cu12]); for several processes also the lab\'s extra mpi'
 NAP = 1e-4  # s, between two checks of an event
-Call = tuple[int, int, int, int, Any, int]  # address, bytes, type, neighbour, communicator, stream
+Call = tuple[int, int, int, int, object, int]  # address, bytes, type, neighbour, communicator, stream
 
 
-def nccl() -> Any:
+def nccl() -> ModuleType:
     """Return the module nccl.core of nccl4py. Raises BackendUnavailable."""
     if find_spec("nccl") is None:
         raise BackendUnavailable("nccl4py is not installed", INSTALL)
@@ -55,11 +61,11 @@ class NcclExchange(Exchange):
 
     def __init__(
         self,
-        windows: Sequence[Any],
+        windows: Sequence[CudaSimulation],
         places: Sequence[int],
         decomposition: Decomposition,
         devices: Sequence[int],
-        world: Any,
+        world: Intracomm | None,
     ):
         self.decomposition, self._world = decomposition, world
         self.rank = world.Get_rank() if world else 0
@@ -79,7 +85,9 @@ class NcclExchange(Exchange):
             self._calls.append((self._resolved(window, group, out), self._resolved(window, group, into)))
         self._done = [self._event(device) for device in devices]
 
-    def _resolved(self, window: Any, group: Any, ends: Sequence[tuple[int, int, int]]) -> list[list[Call]]:
+    def _resolved(
+        self, window: CudaSimulation, group: nccl_core.Communicator, ends: Sequence[tuple[int, int, int]]
+    ) -> list[list[Call]]:
         """Return, for either buffer, the calls for the borders' `ends`: (first row, rows, neighbour)."""
         state, how = (
             StateUnits(window, self.decomposition.columns),
@@ -92,7 +100,7 @@ class NcclExchange(Exchange):
         return resolved
 
     @staticmethod
-    def _event(device: int) -> Any:
+    def _event(device: int) -> Event | None:
         with at(device):
             return new_event()
 
@@ -145,6 +153,7 @@ class NcclSimulation(GpuWindows):
     def __init__(self, scene: Scene, options: Options, count: int, steps: int | None = None):
         require_gpu()
         nccl()
+        self._world: Intracomm | None = None
         if launched_ranks() > 1:
             self._world = world_of(count, "--gpus")
             place = self._world.Split_type(mpi().COMM_TYPE_SHARED).Get_rank()  # among the processes of this host
@@ -155,7 +164,7 @@ class NcclSimulation(GpuWindows):
                 )
             places, devices = [self._world.Get_rank()], [place % gpu_count()]
         else:
-            self._world, places, devices = None, list(range(count)), devices_for(count)
+            places, devices = list(range(count)), devices_for(count)
             if len(set(devices)) < count:
                 raise BackendUnavailable("NCCL needs one GPU per window", "use --link flags")
         super().__init__(scene, options, cut(scene, count, steps, "--gpus"), places, devices)

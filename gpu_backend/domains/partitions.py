@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 from numba import cuda
 
-from softlab.gpu_backend.core.device import require_gpu
+from softlab.gpu_backend.core.device import DeviceArray, Event, require_gpu
+from softlab.gpu_backend.core.simulation import CudaSimulation
 from softlab.gpu_backend.core.substeps import launched_kernel
 from softlab.gpu_backend.domains.devices import at, connect, devices_for, new_event
 from softlab.gpu_backend.domains.kernels import make_border_kernels
@@ -43,7 +44,7 @@ class ParticlesExchange(Exchange):
         self._kernels = make_border_kernels(self._states[0].unit)
         self._stepped = [self._event(k) for k in range(len(windows))]
         self._pulled = [self._event(k) for k in range(len(windows))]
-        self._places: dict[tuple[int, int], tuple[Any, Any]] = {}
+        self._places: dict[tuple[int, int], tuple[DeviceArray, DeviceArray]] = {}
         for message in decomposition.messages:
             with at(devices[message.target]):
                 stream, row = windows[message.target].stream, self._states[message.target].row
@@ -52,7 +53,7 @@ class ParticlesExchange(Exchange):
                     cuda.to_device(_units(message.to_places, row), stream=stream),
                 )
 
-    def _event(self, place: int) -> Any:
+    def _event(self, place: int) -> Event | None:
         with at(self.devices[place]):
             return new_event()
 
@@ -72,7 +73,7 @@ class ParticlesExchange(Exchange):
                 for reader in self._readers[place]:
                     self._await(self._pulled[reader], window)
 
-    def _pull(self, window: Any, message: Message) -> None:
+    def _pull(self, window: CudaSimulation, message: Message) -> None:
         """Queue, on the window's stream, the read of the message."""
         source, target = self._states[message.source], self._states[message.target]
         here, there = self._places[message.source, message.target]
@@ -80,14 +81,14 @@ class ParticlesExchange(Exchange):
             *source.now, here, *target.now, there, np.int32(len(here))
         )
 
-    def _record(self, events: Sequence[Any]) -> None:
-        for place, window in enumerate(self.windows):
-            if events[place] is not None:
-                with at(self.devices[place]):
-                    events[place].record(window.stream)
+    def _record(self, events: Sequence[Event | None]) -> None:
+        for event, device, window in zip(events, self.devices, self.windows, strict=True):
+            if event is not None:
+                with at(device):
+                    event.record(window.stream)
 
     @staticmethod
-    def _await(event: Any, window: Any) -> None:
+    def _await(event: Event | None, window: CudaSimulation) -> None:
         if event is not None:
             event.wait(window.stream)
 

@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from softlab.gpu_backend.core.device import simulated
+from softlab.gpu_backend.core.device import DeviceArray, simulated
 from softlab.gpu_backend.core.quads import SIZE
+from softlab.gpu_backend.core.simulation import CudaSimulation
 from softlab.gpu_backend.domains.kernels import unit_of
 
 
@@ -19,7 +20,7 @@ class StateUnits:
     """The device arrays of both buffers of one `window`, viewed as arrays of `unit` (see unit_of), with `row` units per
     row of `columns`; for a mesh, per particle."""
 
-    def __init__(self, window: Any, columns: int = 1):
+    def __init__(self, window: CudaSimulation, columns: int = 1):
         axes = window.scene.dimensions
         numbers = columns * (2 if axes == 2 else SIZE)
         self._window = window
@@ -35,6 +36,6 @@ class StateUnits:
         return [[(_address(array) + first, size) for array in both] for both in self._both]
 
     @property
-    def now(self) -> tuple[Any, Any]:
+    def now(self) -> tuple[DeviceArray, DeviceArray]:
         """Return (positions, velocities) of the state."""
         return self._both[self._window._current]

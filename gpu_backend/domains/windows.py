@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import AbstractContextManager
-from typing import Any
 
 from softlab.gpu_backend.core.simulation import CudaSimulation
 from softlab.gpu_backend.domains.devices import at
@@ -24,7 +23,7 @@ class OnGpus(WindowedSimulation):
     backend = "gpu"
     devices: Sequence[int]
 
-    def _at(self, place: int) -> AbstractContextManager[Any]:
+    def _at(self, place: int) -> AbstractContextManager[object]:
         return at(self.devices[place])
 
     def _open(self, place: int, scene: Scene, options: Options) -> Simulation:

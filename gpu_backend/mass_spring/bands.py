@@ -10,7 +10,6 @@ Python each band is a launch.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 from numba import cuda
 
@@ -34,7 +33,7 @@ def band_cuts(count: int, least: int, above: int = 0, below: int = 0) -> tuple[i
     return (*((0,) if above else ()), *middle, *((count,) if below else ()))
 
 
-def urgent_stream() -> Any:
+def urgent_stream() -> Stream:
     """Return a stream, for numba, whose blocks have priority over those of others; `close_stream` ends it."""
     try:
         from cuda.bindings import runtime
@@ -63,14 +62,13 @@ class Bands:
     """
 
     def __init__(self, stream: Stream, cuts: tuple[int, ...], above: bool = False, below: bool = False):
-        api: Any = cuda
         self.cuts, self._stream = cuts, stream
         count = len(cuts) - 1
         self._urgent_streams = {k: urgent_stream() for k, cut in ((0, above), (count - 1, below)) if cut}
-        self.streams = [self._urgent_streams.get(k) or api.stream() for k in range(count)]
-        last, this = ([api.event(timing=False) for _ in range(count)] for _ in range(2))
+        self.streams = [self._urgent_streams.get(k) or cuda.stream() for k in range(count)]
+        last, this = ([cuda.event(timing=False) for _ in range(count)] for _ in range(2))
         self._done = last, this  # events: the bands' ends of a pass
-        self._begun = api.event(timing=False)
+        self._begun = cuda.event(timing=False)
         self._first = True
 
     def fork(self) -> None:
@@ -80,7 +78,7 @@ class Bands:
             self._begun.wait(stream)
         self._first = True
 
-    def each(self, launch: Callable[[int, int, Any], None]) -> None:
+    def each(self, launch: Callable[[int, int, Stream], None]) -> None:
         """Do one pass: launch(first, end, stream) for the rows of tiles of every band."""
         before, after = self._done
         for k, stream in enumerate(self.streams):

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
 
-from softlab.gpu_backend.core.device import Arguments
+from softlab.gpu_backend.core.compile import Kernel
+from softlab.gpu_backend.core.device import Arguments, DeviceArray
+from softlab.gpu_backend.core.quad_simulation import QuadSimulation
 from softlab.gpu_backend.core.simulation import CudaSimulation
 from softlab.gpu_backend.core.tiling import Tile
 from softlab.model.base.errors import BackendUnavailable
@@ -22,16 +23,17 @@ class SheetPasses(CudaSimulation):
     on tiles, else None).
     """
 
-    _passes: dict[str, Any]
-    _rk4: Sequence[Any]
+    _passes: dict[str, Kernel]
+    _rk4: Sequence[Kernel]
     _launch: Callable[[int, int], None]
-    _tiles: Any = None
+    pinned: DeviceArray  # of a grid: 1 for each pinned mass
+    _tiles: TileLaunches | None = None
 
     @abstractmethod
     def _constants(self, number: int) -> Arguments:
         """Return the arguments of a pass besides the buffers; `number`: its number after the step counter."""
 
-    def states(self) -> tuple[Any, ...]:
+    def states(self) -> Arguments:
         """Return position and velocity of the current buffer, then those of the other one."""
         source, target = self._current, 1 - self._current
         return self.position[source], self.velocity[source], self.position[target], self.velocity[target]
@@ -66,19 +68,21 @@ class SheetPasses(CudaSimulation):
 
     def _many(self, count: int) -> None:
         """Launch `count` equal passes (steps of RK4) with the chosen kernel."""
-        if self._tiles is None and self.kernel != "one-block":
+        tiles = self._tiles
+        if tiles is None and self.kernel != "one-block":
             self._repeat(count, self._launch, 1)
             return
-        if self.kernel == "tiles":
-            halo = self._tiles.tile.halo
+        if self.kernel == "tiles" and tiles is not None:
+            halo = tiles.tile.halo
             launches, count = divmod(count, halo)
-            self._repeat(launches, self._tiles.launch_many, halo)
+            self._repeat(launches, tiles.launch_many, halo)
         if count:
             self._launch_on_chip(count)
             self._count_on(count)
 
     def _launch_on_chip(self, count: int) -> None:
         """Do `count` passes in one launch, with the sheet, or a tile of it, on the chip."""
+        assert self._tiles is not None
         self._tiles.launch(0, count)
 
     def _advance_steps(self, step: int, steps: int) -> None:
@@ -105,14 +109,18 @@ class SheetPasses(CudaSimulation):
             self._tiles.close()
 
 
+class QuadPasses(SheetPasses, QuadSimulation):
+    """Steps of a sheet whose state is quads, as passes over it."""
+
+
 class TileLaunches:
     """The launches of a `kernel` on tiles for one simulation, from its current state into the other buffer, which
     becomes the current one. Subclasses set `_kernel` and `_grid`."""
 
-    _kernel: Any
-    _grid: tuple[Any, ...]
+    _kernel: Kernel
+    _grid: tuple
 
-    def __init__(self, simulation: Any, kernel: str, tile: Tile):
+    def __init__(self, simulation: SheetPasses, kernel: str, tile: Tile):
         self.simulation, self.kernel, self.tile, self._epoch = simulation, kernel, tile, 0
         self._failed = simulation.zeros(1, np.int32)  # 1 if a block of `resident` timed out waiting for others
 

@@ -41,11 +41,14 @@ from difflib import get_close_matches
 from functools import cache, cached_property
 from threading import Lock
 from types import BuiltinFunctionType, CodeType, FunctionType, ModuleType
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeGuard, TypeVar
 
 import numpy as np
 
-F = TypeVar("F", bound=Callable[..., Any])
+from softlab.model.base.types import Compile, Feature, Features, FeatureSet, Index, Number, Real
+
+F = TypeVar("F", bound=Callable)
+Node = TypeVar("Node", bound=ast.AST)
 PRODUCT = "_product"  # name of the variant's product in compiled copies
 _PARSING = Lock()
 COMPARED: dict[type[ast.cmpop], Callable[..., bool]] = {
@@ -244,15 +247,15 @@ class _Features:
         raise AttributeError(f"FEATURE.{name} is known inside a variant only: Variant(real, plain, features)")
 
 
-FEATURE: Any = _Features()
+FEATURE = _Features()
 
 
 class OfPrecision(float):
     """A constant that depends on the precision: `make(real)`. As plain Python it is the one of float64."""
 
-    make: Callable[[Any], Any]
+    make: Callable[[Real], Number]
 
-    def __new__(cls, make: Callable[[Any], Any]) -> OfPrecision:
+    def __new__(cls, make: Callable[[Real], Number]) -> OfPrecision:
         constant = super().__new__(cls, make(np.float64))
         constant.make = make
         return constant
@@ -261,15 +264,15 @@ class OfPrecision(float):
 class CountOfPrecision(int):
     """The same of an integer: a literal where it is used, which the result of a function is not."""
 
-    make: Callable[[Any], int]
+    make: Callable[[Real], int]
 
-    def __new__(cls, make: Callable[[Any], int]) -> CountOfPrecision:
+    def __new__(cls, make: Callable[[Real], int]) -> CountOfPrecision:
         count = super().__new__(cls, make(np.float64))
         count.make = make
         return count
 
 
-def real(number: Any) -> Any:
+def real(number: Number | Index) -> np.floating:
     """Return a number in the variant's precision; as plain Python, in float64."""
     return np.float64(number)
 
@@ -291,18 +294,18 @@ def integer_formula(function: F) -> F:
     return _marked(function, rounds_products=False)
 
 
-def routine(function: Callable) -> Any:
+def routine(function: Callable) -> Callable:
     """Mark a kernel, or a part of one that reads or writes arrays, as one that variants compile. Raises TypeError: it is
     not at the top level of a file."""
     return _marked(function, rounds_products=False)
 
 
-def row_routine(function: Callable) -> Any:
+def row_routine(function: Callable) -> Callable:
     """Mark a routine as a loop along rows: its arrays do not overlap, except for those that it only reads."""
     return _marked(function, rounds_products=False, how="row")
 
 
-def inlined_routine(function: Callable) -> Any:
+def inlined_routine(function: Callable) -> Callable:
     """Mark a routine whose arguments cost more to pass than its body, or are arrays in registers."""
     return _marked(function, rounds_products=False, how="inlined")
 
@@ -322,7 +325,7 @@ def _marked(function: F, rounds_products: bool, how: str = "") -> F:
     return function
 
 
-def place(function: Any) -> str:
+def place(function: Callable) -> str:
     """Return `file:line` of a function."""
     return f"{inspect.getfile(function)}:{function.__code__.co_firstlineno}"
 
@@ -342,10 +345,25 @@ def open_constant(description: str) -> Any:
     return Open(description)
 
 
+class Marked(Protocol):
+    """A formula or a routine, or one whose open names are replaced; `how` it is compiled: "row", "inlined" or ""."""
+
+    rounds_products: bool
+    how: str
+    __name__: str
+    __module__: str
+    __code__: CodeType
+    __globals__: dict[str, object]
+
+    def __hash__(self) -> int: ...
+
+    def __call__(self, *arguments: object) -> Any: ...
+
+
 class Filled:
     """A formula whose open names are replaced by formulas."""
 
-    def __init__(self, function: Any, names: dict[str, Any]):
+    def __init__(self, function: Marked, names: Mapping[str, object]):
         self.function, self.names, self._key = function, names, (function, frozenset(names.items()))
         self.__name__, self.__module__, self.__doc__ = function.__name__, function.__module__, function.__doc__
         self.rounds_products, self.how = function.rounds_products, function.how
@@ -364,27 +382,29 @@ class Inlined(Filled):
     """A formula that is inlined together with everything that it calls."""
 
 
-def filled(function: Any, names: dict[str, Any]) -> Any:
+def filled(function: Callable, names: Mapping[str, object]) -> Callable:
     """Return a formula in which the open `names` are replaced, also in the functions that it calls."""
-    kind = Filled
     if isinstance(function, Filled):
-        kind, function, names = type(function), function.function, {**names, **function.names}
-    return kind(function, names)
+        return type(function)(function.function, {**names, **function.names})
+    return Filled(_formula(function), names)
 
 
-def inlined_throughout(function: Any) -> Any:
+def inlined_throughout(function: Callable) -> Callable:
     """Return a formula that is inlined with all that it calls: vectorised code must not contain calls."""
-    return Inlined(function.function, function.names) if isinstance(function, Filled) else Inlined(function, {})
+    return (
+        Inlined(function.function, function.names) if isinstance(function, Filled) else Inlined(_formula(function), {})
+    )
 
 
 @cache
-def open_names(function: Any) -> frozenset[str]:
+def open_names(function: Marked) -> frozenset[str]:
     """Return the open names of a formula and of everything that it calls."""
     names: set[str] = set()
-    seen, left = {function}, [function]
+    seen: set[object] = {function}
+    left = [function]
     while left:
         one = left.pop()
-        inner, known = (one.function, one.names) if isinstance(one, Filled) else (one, {})
+        inner, known = _parts(one)
         called = {name: inner.__globals__.get(name) for name in set(inner.__code__.co_names) - known.keys()}
         names |= {name for name, value in called.items() if isinstance(value, Open)}
         for value in (*known.values(), *called.values()):
@@ -394,11 +414,13 @@ def open_names(function: Any) -> frozenset[str]:
     return frozenset(names)
 
 
-def _filled_inside(value: Any, names: dict[str, Any]) -> Any:
+def _filled_inside(value: object, names: Mapping[str, object]) -> object:
     """Return `value`, which a formula with `names` calls, with those of the names filled that are open in it or in
     these."""
-    inside: dict[str, Any] = {}
-    left = [value]
+    if not is_formula(value):
+        return value
+    inside: dict[str, object] = {}
+    left: list[object] = [value]
     while left:
         one = left.pop()
         for name in names.keys() & open_names(one) - inside.keys() if is_formula(one) else ():
@@ -412,8 +434,20 @@ def plain(function: F) -> F:
     return function
 
 
-def is_formula(value: object) -> bool:
+def is_formula(value: object) -> TypeGuard[Marked]:
     return hasattr(value, "rounds_products")
+
+
+def _formula(function: object) -> Marked:
+    """Return a formula. Raises TypeError for anything else."""
+    if is_formula(function):
+        return function
+    raise TypeError(f"{function} is no formula: write @formula above it")
+
+
+def _parts(formula: Marked) -> tuple[Marked, Mapping[str, object]]:
+    """Return the function of a formula, and what replaces its open names."""
+    return (formula.function, formula.names) if isinstance(formula, Filled) else (formula, {})
 
 
 class Variant:
@@ -424,9 +458,9 @@ class Variant:
     """
 
     def __init__(
-        self, real: Any, compiled: Callable[[Callable], Any] = plain, features: Mapping[str, Any] | None = None,
+        self, real: Real, compiled: Compile = plain, features: Features | None = None,
         product: Callable | None = None, instructions: Mapping[str, Callable] | None = None,
-        ways: Mapping[str, Callable[[Callable], Any]] | None = None,
+        ways: Mapping[str, Compile] | None = None,
     ):  # fmt: skip
         self.real, self.compiled, self.product = real, compiled, product
         for name in features or {}:
@@ -434,12 +468,13 @@ class Variant:
                 raise AttributeError(_unknown_feature(name))
         self.features = frozenset({**(features or {}), SINGLE: real is np.float32}.items())
         self.instructions, self._ways = instructions or {}, ways or {}
-        self._compiled: dict[Any, Any] = {}
+        self._compiled: dict[Marked, Callable] = {}
 
-    def __call__(self, formula: Any) -> Any:
+    def __call__(self, function: object) -> Callable:
         """Return a formula, compiled."""
-        if isinstance(formula, Inlined):
-            return self._inlining(Filled(formula.function, formula.names))
+        if isinstance(function, Inlined):
+            return self._inlining(Filled(function.function, function.names))
+        formula = _formula(function)
         if formula.rounds_products and formula.__name__ in self.instructions:
             return self.instructions[formula.__name__]
         if formula not in self._compiled:
@@ -455,10 +490,10 @@ class Variant:
         """Return the formulas of a module, compiled on first use."""
         return Formulas(self, module)
 
-    def copied(self, formula: Any) -> FunctionType:
+    def copied(self, formula: object) -> FunctionType:
         """Return a new copy of a formula or routine in this variant, not compiled; what it calls is."""
-        function, names = (formula.function, formula.names) if isinstance(formula, Filled) else (formula, {})
-        known = vars(builtins) | function.__globals__ | names
+        function, names = _parts(_formula(formula))
+        known = {**vars(builtins), **function.__globals__, **names}
         rounded = self.product is not None and function.rounds_products
         code, used, constants = _specialised(function, _asked(function, self.features), rounded)
         if undefined := sorted(used - known.keys() - constants.keys() - {PRODUCT}):
@@ -469,10 +504,12 @@ class Variant:
         space |= {name: self.real(value) for name, value in constants.items()}
         space |= {"__name__": function.__module__, "__builtins__": builtins, PRODUCT: self.product}
         exec(code, space)
-        space[function.__name__].softlab_formula = function, self.features, rounded  # of specialised_tree
-        return space[function.__name__]
+        copied = space[function.__name__]
+        assert isinstance(copied, FunctionType)
+        copied.__dict__["softlab_formula"] = function, self.features, rounded  # of specialised_tree
+        return copied
 
-    def _within(self, value: Any, caller: FunctionType) -> Any:
+    def _within(self, value: object, caller: Marked) -> object:
         """Return the value of a global of the formula `caller` in this variant."""
         if is_formula(value):
             return self(value)
@@ -505,7 +542,7 @@ class Formulas:
     def __init__(self, variant: Variant, module: ModuleType):
         self.variant, self._module = variant, module
 
-    def __getattr__(self, name: str) -> Any:
+    def __getattr__(self, name: str) -> Callable:
         formula = getattr(self._module, name)
         if not is_formula(formula):
             raise TypeError(
@@ -520,14 +557,14 @@ def features_of(parts: Iterable[str]) -> dict[str, bool]:
     return {name: name in present for name in FEATURES if name in OF_PARTS or name in present}
 
 
-def plain_formulas(module: ModuleType, real: Any, features: Mapping[str, Any] | None = None) -> Formulas:
+def plain_formulas(module: ModuleType, real: Real, features: Features | None = None) -> Formulas:
     """Return the formulas of a module as plain Python, in a precision; features that are not named are off."""
     return Variant(real, plain, _with_off(features)).of(module)
 
 
-def _with_off(features: Mapping[str, Any] | None) -> dict[str, Any]:
+def _with_off(features: Features | None) -> dict[str, Feature]:
     """Return features with all others off."""
-    return dict.fromkeys(FEATURES, False) | dict(features or {})
+    return {**dict.fromkeys(FEATURES, False), **(features or {})}
 
 
 def _unknown_feature(name: str) -> str:
@@ -536,7 +573,7 @@ def _unknown_feature(name: str) -> str:
     return f"FEATURE.{name} is unknown: {suggestion}A new feature is an entry of FEATURES in {__name__}"
 
 
-def _asked(function: FunctionType, features: frozenset[tuple[str, Any]]) -> frozenset[tuple[str, Any]]:
+def _asked(function: Marked, features: FeatureSet) -> FeatureSet:
     """Return the features that a formula's text names: variants that differ in others share its copy."""
     names = _definitions(inspect.getfile(function))[function.__name__][2]
     return frozenset(feature for feature in features if feature[0] in names)
@@ -544,7 +581,7 @@ def _asked(function: FunctionType, features: frozenset[tuple[str, Any]]) -> froz
 
 @cache
 def _specialised(
-    function: FunctionType, features: frozenset[tuple[str, Any]], rounded: bool
+    function: Marked, features: FeatureSet, rounded: bool
 ) -> tuple[CodeType, frozenset[str], dict[str, float]]:
     """Return (code that defines a formula's copy, its global names, its float literals by the names they get)."""
     definition, constants = _specialised_tree(function, features, rounded)
@@ -556,7 +593,7 @@ def _specialised(
     return compile(tree, inspect.getfile(function), "exec"), names, constants
 
 
-def check_returns(function: Any, count: int, features: Mapping[str, int] | None = None) -> None:
+def check_returns(function: Callable, count: int, features: Mapping[str, int] | None = None) -> None:
     """Raise TypeError if a formula is none, or a return statement of it has not `count` values."""
     if not is_formula(function):
         raise TypeError(f"{place(function)}: {function.__name__} is no formula: write @formula above it")
@@ -577,16 +614,14 @@ def check_returns(function: Any, count: int, features: Mapping[str, int] | None 
                 raise TypeError(f"{file}:{line}: {function.__name__} returns {number} values{where}, not {count}")
 
 
-def specialised_tree(
-    function: FunctionType, features: frozenset[tuple[str, Any]], rounded: bool
-) -> tuple[ast.FunctionDef, dict[str, float]]:
+def specialised_tree(function: Marked, features: FeatureSet, rounded: bool) -> tuple[ast.FunctionDef, dict[str, float]]:
     """Return (a copy of a formula's tree, its float literals by the names that replace them). Both are kept: read only."""
     return _specialised_tree(function, _asked(function, features), rounded)
 
 
 @cache
 def _specialised_tree(
-    function: FunctionType, features: frozenset[tuple[str, Any]], rounded: bool
+    function: Marked, features: FeatureSet, rounded: bool
 ) -> tuple[ast.FunctionDef, dict[str, float]]:
     line, text, _ = _definitions(inspect.getfile(function))[function.__name__]
     definition = parsed("\n" * (line - 1) + text).body[0]
@@ -633,7 +668,7 @@ def _unpacked(items: list[ast.expr]) -> list[ast.expr]:
 class _Specialise(ast.NodeTransformer):
     """Replaces features and literals of a formula by the constants of a variant."""
 
-    def __init__(self, features: dict[str, Any], function: Any, rounded: bool):
+    def __init__(self, features: dict[str, Feature], function: Marked, rounded: bool):
         self.features, self.known, self.rounded = features, function.__globals__, rounded
         self.has_floats, self.file, self.name = (
             function.rounds_products, function.__code__.co_filename, function.__name__,
@@ -690,7 +725,7 @@ class _Specialise(ast.NodeTransformer):
         bounds = [ast.unparse(self.visit(bound)) for bound in loop.args]
         return range(*(eval(bound, {"__builtins__": {}}, self.known) for bound in bounds))
 
-    def _numbered(self, node: Any, target: ast.expr, number: int) -> Any:
+    def _numbered(self, node: Node, target: ast.expr, number: int) -> Node:
         """Return a copy of a loop's body for one number."""
         assert isinstance(target, ast.Name)
         return _Numbered(target.id, number, self.known).visit(copy.deepcopy(node))
@@ -704,7 +739,7 @@ class _Specialise(ast.NodeTransformer):
         entry = self._entry(node)
         return ast.copy_location(ast.Constant(entry), node) if isinstance(entry, str) else node
 
-    def _entry(self, node: ast.expr) -> Any:
+    def _entry(self, node: ast.expr) -> object:
         """Return an entry of a constant table of the module at constant places, or None."""
         if isinstance(node, ast.Name):
             return self.known.get(node.id)
@@ -726,7 +761,7 @@ class _Specialise(ast.NodeTransformer):
         elif isinstance(node.op, (ast.Add, ast.Sub)):
             self._refuse_integers(node, [node.left])  # `k + 1` counts, `1 - x` does not
         self.generic_visit(node)
-        return self._product(node, node.left, node.right) if isinstance(node.op, ast.Mult) else node
+        return self._product(node, node.left, node.right) if self.rounded and isinstance(node.op, ast.Mult) else node
 
     def visit_AugAssign(self, node: ast.AugAssign) -> ast.AST:
         if isinstance(node.op, (ast.Mult, ast.Div)):
@@ -737,9 +772,8 @@ class _Specialise(ast.NodeTransformer):
         left = ast.copy_location(ast.Name(node.target.id, ast.Load()), node.target)
         return ast.copy_location(ast.Assign([node.target], self._product(node, left, node.value)), node)
 
-    def _product(self, node: ast.AST, left: ast.expr, right: ast.expr) -> Any:
-        call = ast.Call(ast.Name(PRODUCT, ast.Load()), [left, right], [])
-        return ast.copy_location(call, node) if self.rounded else node
+    def _product(self, node: ast.AST, left: ast.expr, right: ast.expr) -> ast.Call:
+        return ast.copy_location(ast.Call(ast.Name(PRODUCT, ast.Load()), [left, right], []), node)
 
     def _refuse_integers(self, node: ast.expr | ast.stmt, operands: list[ast.expr]) -> None:
         for operand in operands:
@@ -790,7 +824,7 @@ class _Specialise(ast.NodeTransformer):
             return ast.copy_location(ast.Constant(not node.operand.value), node)
         return node
 
-    def visit_If(self, node: ast.If) -> Any:
+    def visit_If(self, node: ast.If) -> ast.AST | list[ast.stmt]:
         test = self.visit(node.test)
         if isinstance(test, ast.Constant):
             chosen = node.body if test.value else node.orelse
@@ -799,14 +833,14 @@ class _Specialise(ast.NodeTransformer):
         node.orelse = self.block(node.orelse) if node.orelse else []
         return node
 
-    def visit_For(self, node: ast.For) -> Any:
+    def visit_For(self, node: ast.For) -> ast.AST | list[ast.stmt]:
         numbers = self._numbers(node.iter)
         if numbers is not None:
             return [self.visit(self._numbered(one, node.target, n)) for n in numbers for one in node.body]
         node.target, node.iter, node.body = self.visit(node.target), self.visit(node.iter), self.block(node.body)
         return node
 
-    def visit_IfExp(self, node: ast.IfExp) -> Any:
+    def visit_IfExp(self, node: ast.IfExp) -> ast.AST:
         test = self.visit(node.test)
         if isinstance(test, ast.Constant):
             return self.visit(node.body if test.value else node.orelse)
@@ -818,7 +852,7 @@ class _Numbered(ast.NodeTransformer):
     """Replaces a name by a number and evaluates constant expressions with it, because an index of a tuple has to be a
     literal."""
 
-    def __init__(self, name: str, number: int, known: Mapping[str, Any]):
+    def __init__(self, name: str, number: int, known: Mapping[str, object]):
         self.name, self.number, self.known = name, number, known
 
     def visit_Name(self, node: ast.Name) -> ast.AST:

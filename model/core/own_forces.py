@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from softlab.model.base.types import Feature
 from softlab.model.base.variant import FEATURE, Open, check_returns, filled, formula
 from softlab.model.core.plan import Plan
 from softlab.model.formulas.distance import added
@@ -174,7 +175,7 @@ def accelerated(parts: frozenset[str]) -> Callable[..., tuple[float, ...]]:
     return filled(in_sheet, {"before": result}) if WINDOW in parts else result
 
 
-def force_flags(axes: int, parts: frozenset[str]) -> dict[str, object]:
+def force_flags(axes: int, parts: frozenset[str]) -> dict[str, Feature]:
     """Return the features of the formulas above."""
     return {"axes": axes, "load": "load" in parts}
 

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -34,7 +34,7 @@ def mpi() -> ModuleType:
     return MPI
 
 
-def world_of(count: int, option: str) -> Any:
+def world_of(count: int, option: str) -> Intracomm:
     """Return the communicator of all processes, `count` of them.
 
     Raises SceneError, naming the `option`, for another number, BackendUnavailable where the launcher started more than

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import partial
 
+from softlab.model.base.types import Feature
 from softlab.model.base.variant import features_of
 from softlab.model.contact.sheet_plan import WIND, Stages, particle_force_stages, present_parts
 from softlab.model.core.integrators import INTEGRATORS
@@ -14,7 +15,7 @@ from softlab.model.formulas import springs
 from softlab.model.scene.scene import Scene
 
 
-def sheet_features(integrator: str, parts: frozenset[str]) -> dict[str, object]:
+def sheet_features(integrator: str, parts: frozenset[str]) -> dict[str, Feature]:
     """Return the features of the kernels of a sheet's `parts`."""
     return {
         **features_of(parts), "changing": particle_forces_change(parts), "damped": "damping" in parts,

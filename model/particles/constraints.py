@@ -12,6 +12,7 @@ from types import ModuleType
 
 import numpy as np
 
+from softlab.model.base.types import Feature
 from softlab.model.geometry.colouring import colour
 
 
@@ -54,10 +55,11 @@ class Projection:
         return self.corners if self.moves is None else self.moves
 
     @property
-    def features(self) -> dict[str, object]:
+    def features(self) -> dict[str, Feature]:
         """Features of the executor's variant (model/base/variant.py), and of the projection's formulas."""
         words = ("name_of_compliance", "name_of_damping", "name_of_stiffening")
-        return dict(zip(words, self.constants or (False,) * 3, strict=True)) | {
+        names: tuple[Feature, ...] = self.constants or (False, False, False)
+        return dict(zip(words, names, strict=True)) | {
             "corners": self.corners, "values": self.values, "multipliers": self.multipliers, "moved": self.moved,
             "soft": self.soft, "damped": self.damped, "run": self.run, "around": self.around,
             "per_constraint": False, **dict(self.flags),

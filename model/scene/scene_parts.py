@@ -62,7 +62,7 @@ P = TypeVar("P", bound=Part)
 FEW = 4  # kinds that an error proposes
 
 
-def _unknown_part(name: str, table: Mapping[str, Any]) -> SceneError:
+def _unknown_part(name: str, table: Mapping[str, object]) -> SceneError:
     """Return the error for a table of no known kind: the kinds that have all of its fields, or else all kinds."""
     known = (*KINDS, TANK)
     if "kind" in table:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import Any
 
 from softlab.bench.experiments.accuracy.judgement import ERROR, GROWTH, HALF, SOLVER, UNRESOLVED
 from softlab.bench.experiments.accuracy.points import CLOTHS, COPY, SCENES, AccuracyPoint, method_words, point
 from softlab.bench.store.results import Measure, by_configuration
 from softlab.bench.store.schema import tables_by_kind
+from softlab.model.base.table import Table, Tables
 from softlab.model.scene.scene import load_scene
 from softlab.plots.core.data import Source
 
@@ -49,7 +49,7 @@ def _points(source: Source) -> list[Point]:
 
 def _point(source: Source, named: dict[str, Measure]) -> Point | None:
     description = named[ERROR].description
-    tables: dict[str, Any] = description["scene"]
+    tables: Tables = description["scene"]
     label = _label(tables) if "end" not in description else None  # `softlab advise` uses end times of its own
     repeats = source.costs.get(
         named[ERROR].configuration
@@ -58,7 +58,7 @@ def _point(source: Source, named: dict[str, Measure]) -> Point | None:
     return Point(**vars(accuracy_point)) if accuracy_point else None
 
 
-def _label(tables: dict[str, Any]) -> str | None:
+def _label(tables: Tables) -> str | None:
     """Return the scene's label, for a grid from its pins and size; None for a scene that is no accuracy scene."""
     grid = tables_by_kind(tables).get("grid")
     if grid is None:
@@ -69,7 +69,7 @@ def _label(tables: dict[str, Any]) -> str | None:
     return label if rows == SIDE else f"{label}-{rows}"
 
 
-def _material(tables: dict[str, Any]) -> dict[str, Any]:
+def _material(tables: Tables) -> Table:
     """Return a scene's tables without those of its method."""
     return {name: table for name, table in tables.items() if name not in ("title", "method")}
 

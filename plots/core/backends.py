@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any, Protocol, TypeVar
+from typing import Protocol, TypeVar
 
 from softlab.bench.store.results import Measure
 from softlab.plots.core.data import Results, Source
@@ -50,6 +50,6 @@ def name_of(backend: str, source: Source) -> str:
     return f"{backend.upper()}: {source.device(backend)}"
 
 
-def sources_of(chosen: Sequence[tuple[Any, ...]]) -> tuple[Source, ...]:
+def sources_of(chosen: Sequence[tuple[object, ...]]) -> tuple[Source, ...]:
     """Return the machines of the panels without repetition."""
     return tuple(dict.fromkeys(entry for one in chosen for entry in one if isinstance(entry, Source)))

@@ -10,13 +10,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from softlab.bench.peers.results import Ratio
 from softlab.bench.store import marks
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import Machine, Measure, Timing
 from softlab.bench.store.versions import Version
+from softlab.model.base.table import Table
 
 Origin = Store | str | Path
 Selection = TypeVar("Selection")
@@ -69,7 +70,7 @@ class Source:
     timings: tuple[Timing, ...]
     measures: tuple[Measure, ...]
     runs: tuple[Run, ...]
-    scene: dict[str, Any] = field(default_factory=dict)
+    scene: Table = field(default_factory=dict)
     threading: tuple[str | None, str | None] = (None, None)
     costs: dict[str, Timing] = field(default_factory=dict)
     kernels: tuple[Timing, ...] = ()
@@ -227,15 +228,15 @@ def judgements(results: Results, belongs: Callable[[Measure], bool]) -> tuple[li
     whose set is complete: at least FULL of the largest. So a machine without a GPU is combined with one that has a GPU,
     and a user's complete set is preferred to committed ones, but a quick one does not replace them.
     """
-    sets: list[tuple[Source, dict[tuple[Any, Any], list[Measure]]]] = []
+    sets: list[tuple[Source, dict[tuple[object, object], list[Measure]]]] = []
     for source in results.everyone:
-        by_experiment: dict[tuple[Any, Any], list[Measure]] = {}
+        by_experiment: dict[tuple[object, object], list[Measure]] = {}
         for measure in filter(belongs, source.measures):
             by_experiment.setdefault(
                 (measure.description.get("backend"), measure.description.get("finding")), []
             ).append(measure)
         sets.append((source, by_experiment))
-    largest: dict[tuple[Any, Any], int] = {}
+    largest: dict[tuple[object, object], int] = {}
     for _, by_experiment in sets:
         for key, of_set in by_experiment.items():
             largest[key] = max(largest.get(key, 0), _configurations(of_set))

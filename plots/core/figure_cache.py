@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -22,10 +22,14 @@ from softlab.model.base.disk_cache import user_cache
 from softlab.model.base.errors import InputError
 from softlab.model.base.files import replacing
 
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.figure import Figure
+
 MAX_FILES = 400  # six sets of figures; the least recently used ones are removed
 
 
-def key_of(figure: Any, more: Sequence[object] = ()) -> str:
+def key_of(figure: Figure, more: Sequence[object] = ()) -> str:
     """Return a hash of the contents of a figure before its layout, of the drawing code, and of `more`."""
     digest = hashlib.sha256(_code().encode())
     for piece in (*more, *figure.get_size_inches(), *_parts(figure)):
@@ -41,7 +45,7 @@ def _code() -> str:
     return f"{source_digest(Path(__file__).parent.parent)} matplotlib {matplotlib.__version__}"
 
 
-def _parts(figure: Any) -> Iterator[Any]:
+def _parts(figure: Figure) -> Iterator[object]:
     """Yield the parts that depend on the data: kind, position, text and style of every part. Ticks follow from the
     axes."""
     from matplotlib.ticker import FixedLocator
@@ -64,28 +68,36 @@ def _parts(figure: Any) -> Iterator[Any]:
             yield from _artist(artist)
 
 
-def _artist(artist: Any) -> Iterator[Any]:
+def _artist(artist: Artist) -> Iterator[object]:
+    from matplotlib.collections import Collection
+    from matplotlib.image import AxesImage
+    from matplotlib.legend import Legend
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+    from matplotlib.text import Text
+
     yield type(artist).__name__, artist.get_visible(), artist.get_alpha(), artist.get_zorder(), str(artist.get_label())
-    if hasattr(artist, "get_texts"):  # a legend, whose handles are parts themselves
+    if isinstance(artist, Legend):  # whose handles are parts themselves
         yield [text.get_text() for text in artist.get_texts()], artist.get_title().get_text()
-        for handle in artist.legend_handles:
+        for handle in filter(None, artist.legend_handles):
             yield from _artist(handle)
-    if hasattr(artist, "get_text"):
-        yield artist.get_text(), artist.get_position(), artist.get_fontsize(), artist.get_rotation(), artist.get_ha()
-        yield artist.get_va(), getattr(artist, "xyann", None), getattr(artist, "xy", None), str(artist.get_color())
-    if hasattr(artist, "get_xydata"):
+    if isinstance(artist, Text):
+        yield artist.get_text(), artist.get_position(), artist.get_fontsize(), artist.get_rotation()
+        yield artist.get_horizontalalignment(), artist.get_verticalalignment()
+        yield getattr(artist, "xyann", None), getattr(artist, "xy", None), str(artist.get_color())
+    if isinstance(artist, Line2D):
         yield np.asarray(artist.get_xydata(), float)
         yield artist.get_linestyle(), str(artist.get_marker()), artist.get_linewidth(), artist.get_markersize()
         yield str(artist.get_color()), str(artist.get_markerfacecolor()), str(artist.get_markeredgecolor())
-    if hasattr(artist, "get_offsets"):  # a collection
+    if isinstance(artist, Collection):
         yield from (path.vertices for path in artist.get_paths())
         for values in (artist.get_offsets(), artist.get_facecolor(), artist.get_edgecolor(), artist.get_linewidth()):
             yield np.asarray(values, float)
         yield np.asarray([] if artist.get_array() is None else artist.get_array(), float)
-    elif hasattr(artist, "get_path") and hasattr(artist, "get_facecolor"):  # a patch
+    if isinstance(artist, Patch):
         yield artist.get_path().vertices, tuple(artist.get_facecolor()), tuple(artist.get_edgecolor())
         yield np.asarray(artist.get_patch_transform().get_matrix()), artist.get_hatch(), artist.get_linestyle()
-    if hasattr(artist, "get_extent") and hasattr(artist, "get_array"):  # an image
+    if isinstance(artist, AxesImage):
         yield np.asarray(artist.get_array()), tuple(artist.get_extent())
 
 

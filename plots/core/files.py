@@ -5,11 +5,14 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 from softlab.model.base.files import replacing
 from softlab.plots.core import figure_cache
 from softlab.plots.core.style import FOOTER_SIZE, Drawing
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 PNG_DPI = 160
 SUFFIXES = ("svg", "png")  # for books and for screens
@@ -18,7 +21,7 @@ RAISED = str.maketrans(
 )
 
 
-def lay_out(figure: Any) -> None:
+def lay_out(figure: Figure) -> None:
     """Compute the layout once: half of the cost of a figure, which each format would repeat.
 
     Powers of ten are written as text (10²), not as formulas, which would be parsed label by label.
@@ -26,7 +29,7 @@ def lay_out(figure: Any) -> None:
     from matplotlib.ticker import LogFormatterSciNotation
 
     class Powers(LogFormatterSciNotation):
-        def __call__(self, x: float, pos: Any = None) -> str:
+        def __call__(self, x: float, pos: int | None = None) -> str:
             return plain_power(super().__call__(x, pos))
 
     engine = figure.get_layout_engine()
@@ -77,7 +80,7 @@ def save(
     written = []
     for suffix in suffixes:
         path = folder / f"{name}.{suffix}"
-        metadata: dict[str, Any] = {"Title": drawing.title}
+        metadata: dict[str, str | None] = {"Title": drawing.title}
         metadata |= {"pdf": {"Subject": drawing.caption, "CreationDate": None}}.get(
             suffix, {"Description": drawing.caption}
         )

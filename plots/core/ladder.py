@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING
 
 from softlab.bench.measure.cases import LADDER
 from softlab.bench.store.results import Timing
@@ -12,6 +12,10 @@ from softlab.plots.core.backends import name_of, on_backends
 from softlab.plots.core.colours import BLACK, BLUE, BROWN, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION, VIOLET
 from softlab.plots.core.data import Results, Source, is_wrong, needed
 from softlab.plots.core.style import Curve, new_figure
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 RUNGS = {
     "stages": Curve("stages", GREY, "v"),
@@ -44,7 +48,7 @@ def machine_of(results: Results, backend: str, holds: Callable[[Source], bool] =
 
 def backend_panels(
     results: Results, holds: Callable[[Source, str], bool] = lambda *_: True, sharey: bool = True
-) -> tuple[Any, list[tuple[Any, str, Source]]]:
+) -> tuple[Figure, list[tuple[Axes, str, Source]]]:
     """Return a figure with a panel for each backend whose kernels were timed. Raises NotMeasured if there is none."""
     chosen = needed(on_backends(results, lambda source, backend: source.ladder(backend) and holds(source, backend)))
     figure, axes = new_figure(len(chosen), 2.8, sharey)
@@ -60,7 +64,7 @@ def title(source: Source, backend: str) -> str:
     return f"{name_of(backend, source)}{threads}{source.label and ' (committed)'}"
 
 
-def threading_words(chosen: list[tuple[Any, str, Source]]) -> str:
+def threading_words(chosen: list[tuple[Axes, str, Source]]) -> str:
     """Return the threading layer and wait policy of the CPU's panel, for a caption."""
     known = [source.threading for _, backend, source in chosen if backend == "cpu" and source.threading[0]]
     return "".join(f"CPU: threading layer {layer}, wait policy {policy}. " for layer, policy in known)
@@ -83,7 +87,7 @@ def fastest(source: Source, backend: str) -> list[Timing]:
     return [best[n] for n in sorted(best)]
 
 
-def mark_switches(ax: Any, source: Source, backend: str) -> bool:
+def mark_switches(ax: Axes, source: Source, backend: str) -> bool:
     """Mark where the backend's default kernel changes between two sizes; return False if it never does."""
     choices = defaults(source, backend)
     for left, right in pairwise(choices):

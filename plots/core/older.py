@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from functools import lru_cache
-from typing import Any
+from typing import TypeVar
 
 from softlab.bench.keys.carried import DIGEST, is_older, read_map
 from softlab.bench.keys.enter import KEY
@@ -20,10 +20,11 @@ from softlab.bench.store.schema import SAME
 from softlab.bench.store.versions import digest_of, sources_of
 from softlab.plots.core.data import Results, Source
 
+Item = TypeVar("Item", Timing, Measure)
 UNKNOWN = "a commit that was not recorded"
 
 
-def older_items(source: Source) -> Iterator[Any]:
+def older_items(source: Source) -> Iterator[Timing | Measure]:
     """Yield the timings and measures of a source that are older."""
     same = same_kernels(source.measures)
     for item in _items(source):
@@ -31,7 +32,7 @@ def older_items(source: Source) -> Iterator[Any]:
             yield item
 
 
-def same_kernels(measures: Iterable[Measure]) -> Callable[[Any], bool]:
+def same_kernels(measures: Iterable[Measure]) -> Callable[[Timing | Measure], bool]:
     """Return a test for timings and measures of other sources whose kernels are the current ones by the store."""
     same = {
         (m.reason.partition("-")[0], m.configuration)
@@ -41,7 +42,7 @@ def same_kernels(measures: Iterable[Measure]) -> Callable[[Any], bool]:
     return lambda item: (sources_of(item), item.configuration) in same
 
 
-def _items(source: Source) -> Iterator[Any]:
+def _items(source: Source) -> Iterator[Timing | Measure]:
     yield from (*source.timings, *source.kernels, *source.findings)
     yield from (*source.costs.values(), *source.energies.values())
     yield from (measure for measure in source.measures if measure.name not in (KEY, SAME))
@@ -69,7 +70,7 @@ def with_older(source: Source) -> Source:
     return replace(source, older=f"{count} of its {every} numbers are older than this code ({_commits(source, items)})")
 
 
-def _commits(source: Source, items: list[Any]) -> str:
+def _commits(source: Source, items: list[Timing | Measure]) -> str:
     """Return the origin of older numbers: `commit 1e405d5bab8c of 2026-11-23`."""
     known = read_map().commits
     commits = {sources_of(item): known.get(sources_of(item)) for item in items}
@@ -101,7 +102,7 @@ def _without(source: Source) -> Source:
         return source
     dropped = {id(item) for item in older_items(source)}
 
-    def current(items: Iterable[Any]) -> tuple[Any, ...]:
+    def current(items: Iterable[Item]) -> tuple[Item, ...]:
         return tuple(item for item in items if id(item) not in dropped)
 
     def current_of(table: dict[str, Timing]) -> dict[str, Timing]:

@@ -9,7 +9,6 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from softlab.bench.experiments.accuracy.experiment import OLDER_STAGE
 from softlab.bench.experiments.accuracy.experiment import STAGE as ACCURACY_STAGE
@@ -19,8 +18,9 @@ from softlab.bench.measure.energy import STAGE as ENERGY_STAGE
 from softlab.bench.peers.results import ratios
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import Timing, machines, measures, open_readonly, timings
-from softlab.bench.store.schema import canonical
+from softlab.bench.store.schema import Description, canonical
 from softlab.bench.store.versions import of_one_version, read_version
+from softlab.model.base.table import Table
 from softlab.plots.core.data import Origin, Results, Run, Source
 from softlab.plots.core.older import older_peers, same_kernels, with_older
 
@@ -134,12 +134,12 @@ def _of_stage(store: Store, machine: str, stage: str) -> list[Timing]:
     return [replace(t, suspect=(*t.suspect, OTHER_INTERVAL)) for t in timings(store, machine, OLDER_STAGE)]
 
 
-def _is_shown(description: dict[str, Any]) -> bool:
+def _is_shown(description: Description) -> bool:
     """True for the lab's own configurations and findings; `ratios` handles those of a sweep with peers."""
     return description.get("peer") is None or "finding" in description
 
 
-def _one_family(times: list[Timing], descriptions: dict[str, Any]) -> tuple[dict[str, Any], list[Timing]]:
+def _one_family(times: list[Timing], descriptions: dict[str, Description]) -> tuple[Table, list[Timing]]:
     """Return the timings of the scene that was swept over most sizes: scenes timed at one size are no curve."""
 
     def family(timing: Timing) -> str:

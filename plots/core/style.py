@@ -12,13 +12,19 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import wraps
 from textwrap import wrap
-from typing import Any
+from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 
 from softlab.bench.store.results import Timing
 from softlab.plots.core.colours import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILLION
 from softlab.plots.core.data import NotMeasured, Results, Source, is_suspect, is_wrong, needed, sound
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
+    from matplotlib.figure import Figure
 
 WIDTH = 6.3  # inch: text width on A4
 HEIGHT = 2.5  # inch
@@ -30,7 +36,7 @@ FOOTER_LINE = 1.3 * FOOTER_SIZE  # point
 LETTER = 0.6  # width of a letter over its size, in a line with many digits
 OLDER = "[older]"  # marks what uses measurements of older code
 
-SETTINGS: dict[str, Any] = {
+SETTINGS: dict[str, object] = {
     "font.size": 9,
     "axes.labelsize": 9,
     "axes.titlesize": 9,
@@ -51,6 +57,23 @@ SETTINGS: dict[str, Any] = {
 }
 
 
+Dash = str | tuple[float, tuple[float, ...]]  # a line style of matplotlib
+
+
+class PointStyle(TypedDict, total=False):
+    """Arguments of matplotlib's `plot` for points and lines."""
+
+    color: str
+    marker: str
+    linestyle: str
+    label: str
+    linewidth: float
+    markersize: float
+    markerfacecolor: str
+    markeredgecolor: str
+    markeredgewidth: float
+
+
 @dataclass(frozen=True)
 class Curve:
     """Style of one curve."""
@@ -58,7 +81,7 @@ class Curve:
     label: str
     colour: str
     marker: str
-    line: str = "-"
+    line: Dash = "-"
 
 
 THREADS = {
@@ -75,7 +98,7 @@ GPU_PLAIN = Curve("GPU, one thread per mass", PURPLE, "^")
 class Drawing:
     """A finished figure: `figure` (matplotlib), `text` (its description), the `sources` of its data, and its `title`."""
 
-    figure: Any
+    figure: Figure
     text: str
     sources: tuple[Source, ...] = ()
     title: str = ""
@@ -152,13 +175,13 @@ def settings() -> Iterator[None]:
         yield
 
 
-def new_figure(columns: int = 1, height: float = HEIGHT, sharey: bool = True) -> tuple[Any, list[Any]]:
+def new_figure(columns: int = 1, height: float = HEIGHT, sharey: bool = True) -> tuple[Figure, list[Axes]]:
     """Return a figure with a row of axes."""
     figure, (axes,) = new_grid(1, columns, height, sharey)
     return figure, axes
 
 
-def new_grid(rows: int, columns: int, height: float, sharey: bool = True) -> tuple[Any, list[list[Any]]]:
+def new_grid(rows: int, columns: int, height: float, sharey: bool = True) -> tuple[Figure, list[list[Axes]]]:
     """Return a figure with rows of axes; each row may share its y."""
     figure = new_sheet(height)
     return figure, [
@@ -166,7 +189,7 @@ def new_grid(rows: int, columns: int, height: float, sharey: bool = True) -> tup
     ]
 
 
-def new_sheet(height: float) -> Any:
+def new_sheet(height: float) -> Figure:
     """Return an empty figure of that height [inch], on the Agg canvas."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -178,7 +201,7 @@ def new_sheet(height: float) -> Any:
 
 def panels(
     results: Results, holds: Callable[[Source], bool], missing: str = ""
-) -> tuple[Any, list[tuple[Any, Source]]]:
+) -> tuple[Figure, list[tuple[Axes, Source]]]:
     """Return a figure with a panel for each featured source that `holds` the data. Raises NotMeasured if none does."""
     chosen = needed([source for source in results.featured if holds(source)][:MAX_PANELS], missing)
     figure, axes = new_figure(len(chosen))
@@ -189,7 +212,7 @@ def panels(
 
 
 def draw_times(
-    ax: Any,
+    ax: Axes,
     times: Sequence[Timing],
     curve: Curve,
     value: Callable[[Timing, float], float] = lambda _, seconds: seconds,
@@ -205,7 +228,7 @@ def draw_times(
     x = np.array([timing.particles for timing in right], float)
     y = np.array([value(timing, timing.median) for timing in right])
     if light:
-        ax.plot(x, y, curve.line, color=curve.colour, linewidth=1.0, label=curve.label, zorder=1)
+        ax.plot(x, y, linestyle=curve.line, color=curve.colour, linewidth=1.0, label=curve.label, zorder=1)
         return
     ends = np.array([[value(timing, timing.low), value(timing, timing.high)] for timing in right])
     wrong = [(t.particles, value(t, t.median)) for t in times if is_wrong(t)]
@@ -213,7 +236,7 @@ def draw_times(
 
 
 def draw_band(
-    ax: Any,
+    ax: Axes,
     points: tuple[np.ndarray, np.ndarray, np.ndarray],
     curve: Curve,
     suspect: Sequence[bool],
@@ -227,14 +250,14 @@ def draw_band(
     if len(x):
         low, high = ends.min(axis=1), ends.max(axis=1)
         ax.fill_between(x, low, high, color=curve.colour, alpha=0.18, linewidth=0)
-        ax.plot(x, y, curve.line, color=curve.colour, label=curve.label, marker=curve.marker, zorder=3)
+        ax.plot(x, y, linestyle=curve.line, color=curve.colour, label=curve.label, marker=curve.marker, zorder=3)
     if any(suspect):
-        face = {"markerfacecolor": "white", "markeredgecolor": curve.colour}
+        face: PointStyle = {"markerfacecolor": "white", "markeredgecolor": curve.colour}
         ax.plot(x[np.array(suspect)], y[np.array(suspect)], curve.marker, **face, zorder=4)
     ax.plot([x for x, _ in wrong], [y for _, y in wrong], "x", color=BLACK, zorder=5)
 
 
-def log_axes(ax: Any, y_label: str | None = None, x_label: str = "masses") -> None:
+def log_axes(ax: Axes, y_label: str | None = None, x_label: str = "masses") -> None:
     """Make both axes logarithmic, with their labels."""
     ax.set_xscale("log")
     ax.set_yscale("log")
@@ -243,7 +266,7 @@ def log_axes(ax: Any, y_label: str | None = None, x_label: str = "masses") -> No
         ax.set_ylabel(y_label, fontsize=LONG_LABEL if len(y_label) > LONG else None)
 
 
-def plain_ticks(axis: Any) -> None:
+def plain_ticks(axis: Axis) -> None:
     """Use ticks 1, 2, 5, 10 instead of powers, for an axis of a small range."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
@@ -254,7 +277,7 @@ def plain_ticks(axis: Any) -> None:
     axis.set_minor_formatter(NullFormatter())
 
 
-def time_ticks(axis: Any) -> None:
+def time_ticks(axis: Axis) -> None:
     """Use seconds with their prefix (20 µs), for a logarithmic axis of times."""
     from matplotlib.ticker import EngFormatter
 
@@ -263,14 +286,14 @@ def time_ticks(axis: Any) -> None:
 
 
 def legend_below(
-    figure: Any, axes: Sequence[Any], times: Sequence[Timing] = (), columns: int = 4, marks: Iterable[str] = ()
+    figure: Figure, axes: Sequence[Axes], times: Sequence[Timing] = (), columns: int = 4, marks: Iterable[str] = ()
 ) -> None:
     """Draw one legend below the panels, with every label once. It explains hollow marks and crosses that occur in
     `times` or in `marks` ("suspect", "wrong answer").
     """
     from matplotlib.lines import Line2D
 
-    handles: dict[str, Any] = {}
+    handles: dict[str, Artist] = {}
     for ax in axes:
         for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
             handles.setdefault(label, handle)

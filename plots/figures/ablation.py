@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 from softlab.bench.experiments.advise.ablation_results import GAINS, NEEDED, NOT_NEEDED, Ablated, AblationRow, tables_of
 from softlab.plots.core.colours import BLUE, GREEN, GREY, SKY, VERMILLION
 from softlab.plots.core.data import Results, Source, needed
 from softlab.plots.core.style import Drawing, as_figure, new_sheet
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 MOST = 4  # panels: the scenes and backends that were measured last
 LINE = 0.2  # inch per row
@@ -53,7 +57,7 @@ def draw(results: Results) -> Drawing:
     return Drawing(figure, caption, (needed(source),))
 
 
-def _panel(ax: Any, table: Ablated, low: float, high: float) -> None:
+def _panel(ax: Axes, table: Ablated, low: float, high: float) -> None:
     ax.set_xscale("log")
     ax.set_xlim(low, high)
     ax.axvline(max(low, table.floor), color=GREY, linewidth=1, zorder=1)
@@ -67,7 +71,7 @@ def _panel(ax: Any, table: Ablated, low: float, high: float) -> None:
     ax.text(1.01, 1.02, "times as fast", transform=ax.transAxes, fontsize=7, ha="left", va="bottom")
 
 
-def _row(ax: Any, table: Ablated, row: AblationRow, y: int, high: float) -> None:
+def _row(ax: Axes, table: Ablated, row: AblationRow, y: int, high: float) -> None:
     colour, marker = SHOWN[table.verdict(row)]
     if row.broke:
         ax.plot([high], [y], ">", color=colour, clip_on=False)
@@ -79,7 +83,7 @@ def _row(ax: Any, table: Ablated, row: AblationRow, y: int, high: float) -> None
                 color=BLUE if row.suspect is None else GREY)  # fmt: skip
 
 
-def _legend(figure: Any) -> None:
+def _legend(figure: Figure) -> None:
     from matplotlib.lines import Line2D
 
     handles = [Line2D([], [], color=colour, marker=marker, linestyle="") for colour, marker in SHOWN.values()]

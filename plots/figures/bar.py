@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
 from softlab.bench.experiments.bar import (
     FINEST,
@@ -18,7 +18,19 @@ from softlab.bench.experiments.bar_rows import JELLY, Bar, first_backend, is_bar
 from softlab.bench.experiments.bar_strip import ACROSS, FREQUENCY, SAG
 from softlab.plots.core.colours import BLUE, GREEN, GREY, METHODS, ORANGE, PURPLE, SKY, VERMILLION
 from softlab.plots.core.data import Results, Source, judgements, needed
-from softlab.plots.core.style import LONG_LABEL, Drawing, as_figure, legend_below, new_figure, new_sheet, plain_ticks
+from softlab.plots.core.style import (
+    LONG_LABEL,
+    Drawing,
+    PointStyle,
+    as_figure,
+    legend_below,
+    new_figure,
+    new_sheet,
+    plain_ticks,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 MISSING = "the bar was not measured (softlab bar)"
 CURVES = {  # solver -> label, colour, marker, line
@@ -69,9 +81,9 @@ def draw(results: Results) -> Drawing:
             size, some = SOME.get(solver, (1.0, SOME_LINKS))
             by_spacing = series(measured, solver, _fine, {"substeps": FINEST, "size": size})
             by_substeps = series(measured, solver, _substeps, {"fine": some, "size": size})
-            how: dict[str, Any] = {"color": colour, "marker": marker, "linestyle": line, "label": label}
+            how: PointStyle = {"color": colour, "marker": marker, "linestyle": line, "label": label}
             if solver == "mass-spring":  # drawn below the others, most of which coincide with it
-                how |= {"linewidth": 3.5, "markersize": 7.5}
+                how.update({"linewidth": 3.5, "markersize": 7.5})
             _curve(row[0], by_spacing, _fine, name, how)
             _curve(row[1], by_substeps, _substeps, name, how)
         row[0].set_ylabel(ROWS[name], fontsize=LONG_LABEL)
@@ -105,9 +117,9 @@ def draw_clusters(results: Results) -> Drawing:
     for region, (colour, marker) in REGIONS.items():
         windows = series(measured, "shape-matching", _fine, {"substeps": FINEST, "size": region})
         wide = 2 * region + 1
-        style = {"color": colour, "marker": marker}
-        _curve(left, windows, _fine, SAG, style | {"label": f"windows of {wide} x {wide}"})
-        _curve(left, windows, _fine, ACROSS, style | {"linestyle": ":", "markersize": 3})
+        style: PointStyle = {"color": colour, "marker": marker}
+        _curve(left, windows, _fine, SAG, {**style, "label": f"windows of {wide} x {wide}"})
+        _curve(left, windows, _fine, ACROSS, {**style, "linestyle": ":", "markersize": 3})
     across = any(bar.solver == "shape-matching" and ACROSS in bar.values for bar in measured)
     if across:
         left.plot([], [], ":", color=GREY, label="loaded across")
@@ -145,15 +157,13 @@ def _size(bar: Bar) -> float:
     return bar.size
 
 
-def _curve(
-    ax: Any, measured: Sequence[Bar], where: Callable[[Bar], float], name: str, style: Mapping[str, Any]
-) -> None:
+def _curve(ax: Axes, measured: Sequence[Bar], where: Callable[[Bar], float], name: str, style: PointStyle) -> None:
     points = [(where(bar), part) for bar in measured if (part := bar.part(name)) is not None]
     if points:
         ax.plot(*zip(*points, strict=True), **style)
 
 
-def _doubling(ax: Any, measured: Sequence[Bar], where: Callable[[Bar], float], label: str) -> None:
+def _doubling(ax: Axes, measured: Sequence[Bar], where: Callable[[Bar], float], label: str) -> None:
     """Set a logarithmic x axis with a tick at each measured value."""
     values = sorted({where(bar) for bar in measured})
     ax.set_xscale("log")

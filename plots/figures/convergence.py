@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 from softlab.bench.experiments.accuracy.methods import XPBD
 from softlab.bench.experiments.convergence import BEFORE, CONVERGENCE, RESIDUAL, colours
@@ -15,6 +16,9 @@ from softlab.plots.core.colours import GREY
 from softlab.plots.core.data import Results, Source, needed
 from softlab.plots.core.style import Drawing, as_figure, legend_below, new_figure
 from softlab.plots.figures.work_precision import XPBD as CURVES
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 MISSING = "the orderings of position-based solvers were not timed with several numbers of iterations"
 LINES = ("-", "--", "-.", ":")  # line styles of the sizes, small ones first
@@ -108,7 +112,7 @@ def _shown(sides: list[int]) -> list[int]:
     return [*sides[: len(LINES) - 1], sides[-1]]
 
 
-def _panel(ax: Any, entries: list[Converging], where: Any) -> None:
+def _panel(ax: Axes, entries: list[Converging], where: Callable[[Converging], float]) -> None:
     sides = _shown(sorted({entry.side for entry in entries}))
     for name, (colour, marker) in CURVES.items():
         for side, line in zip(sides, LINES, strict=False):

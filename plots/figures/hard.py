@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,6 +13,9 @@ from softlab.bench.stress.results import BODIES, IN_FULL, OF_FLUIDS, OF_TETRAHED
 from softlab.plots.core.colours import BLUE, GREEN, GREY, ORANGE, SKY, VERMILLION
 from softlab.plots.core.data import Results, Source, judgements, needed
 from softlab.plots.core.style import Drawing, as_figure, legend_below, new_sheet
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 ACROSS = 6  # panels per row of the contact sheet
 PANEL = 1.2  # inch: height of a panel
@@ -42,7 +45,7 @@ def draw_states(results: Results) -> Drawing:
     shown = needed(_shown(rows))
     lines = -(-len(shown) // ACROSS)
     figure = new_sheet(PANEL * lines)
-    axes = figure.subplots(lines, ACROSS, squeeze=False).ravel()
+    axes = list(figure.subplots(lines, ACROSS, squeeze=False).ravel())
     for ax in axes:
         ax.set_axis_off()
     for ax, row in zip(axes, shown, strict=False):
@@ -110,7 +113,7 @@ def as_seen(position: np.ndarray) -> np.ndarray:
     return position if position.shape[-1] == 2 else position @ Camera3D(1, 1).axes[:2].T
 
 
-def _draw_shape(ax: Any, row: HardRow) -> None:
+def _draw_shape(ax: Axes, row: HardRow) -> None:
     assert row.shape is not None
     grid = as_seen(np.array(row.shape.position, dtype=float))
     centre, extent = framed(grid.reshape(-1, 2))
@@ -128,7 +131,7 @@ def framed(flat: np.ndarray) -> tuple[np.ndarray, float]:
     return (flat.min(axis=0) + flat.max(axis=0)) / 2, float(np.ptp(flat, axis=0).max())
 
 
-def finish_panel(ax: Any, row: HardRow, extent: float) -> None:
+def finish_panel(ax: Axes, row: HardRow, extent: float) -> None:
     """Finish a panel of side 1 about the origin, with its name, scale, and failure."""
     ax.set_xlim(-0.6, 0.6)
     ax.set_ylim(-0.6, 0.6)

@@ -48,7 +48,7 @@ def draw(results: Results) -> Drawing:
             curve = rung(kernel)
             if points:
                 x, y = [n for n, _ in points], [j for _, j in points]
-                ax.plot(x, y, curve.line, color=curve.colour, marker=curve.marker, label=curve.label)
+                ax.plot(x, y, linestyle=curve.line, color=curve.colour, marker=curve.marker, label=curve.label)
         log_axes(ax)
     plain_ticks(chosen[0][0].yaxis)
     chosen[0][0].set_ylabel("J per million mass-steps")

@@ -5,13 +5,18 @@ Its error against Newton's law does not fall with the step size; that against ha
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from softlab.plots.core.accuracy_points import Point, order_points, points
 from softlab.plots.core.colours import GREY, VERMILLION
 from softlab.plots.core.data import Results, needed
 from softlab.plots.core.style import HEIGHT, LONG_LABEL, Drawing, as_figure, legend_below, log_axes, new_grid
 from softlab.plots.figures.work_precision import INTEGRATORS, SCENES, accurate_source
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 ACROSS = 2  # panels per row
 
@@ -41,7 +46,7 @@ def draw(results: Results) -> Drawing:
     return Drawing(figure, caption, (source,))
 
 
-def _draw_panel(ax: Any, runs: list[Point]) -> None:
+def _draw_panel(ax: Axes, runs: list[Point]) -> None:
     for name, (colour, marker) in INTEGRATORS.items():
         curve = [p for p in order_points(runs, name) if p.error > 0]
         if not curve:
@@ -53,7 +58,7 @@ def _draw_panel(ax: Any, runs: list[Point]) -> None:
     halves = [p for p in order_points(runs, "lab") if p.half]
     if halves:
         x, y, label = [p.dt for p in halves], [p.half for p in halves], "lab, against half the acceleration"
-        ax.plot(x, y, "--", marker="*", color=VERMILLION, label=label)
+        ax.plot(x, np.array(y, float), "--", marker="*", color=VERMILLION, label=label)
     log_axes(ax, x_label="step size / ms")
     steps = sorted({p.dt for p in runs if not p.diverged})
     _draw_slopes(ax, runs, steps)
@@ -62,7 +67,7 @@ def _draw_panel(ax: Any, runs: list[Point]) -> None:
     ax.margins(y=0.1)
 
 
-def _draw_slopes(ax: Any, runs: list[Point], steps: list[float]) -> None:
+def _draw_slopes(ax: Axes, runs: list[Point], steps: list[float]) -> None:
     """Draw thin lines of order 1, 2 and 4, slightly below the integrator that should have that order."""
     for name, order in (("semi-implicit-euler", 1), ("velocity-verlet", 2), ("rk4", 4)):
         curve = order_points(runs, name)

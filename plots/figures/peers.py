@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import partial
 from itertools import cycle
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,6 +24,9 @@ from softlab.plots.core.style import (
     new_figure,
     plain_ticks,
 )
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 PRECISION = "float32"
 STYLES = (
@@ -96,7 +99,7 @@ def _title(backend: str, source: Source, compared: list[Ratio]) -> str:
     return name_of(backend, source) + ("" if backend == "gpu" else f"\n{threads} threads where a peer has threads")
 
 
-def _draw_peer(ax: Any, compared: list[Ratio], curve: Curve) -> set[str]:
+def _draw_peer(ax: Axes, compared: list[Ratio], curve: Curve) -> set[str]:
     """Draw one line; return the marks that it uses: `suspect`, `wrong answer`."""
     sound, wrong = [r for r in compared if not r.wrong], [r for r in compared if r.wrong]
     x, y, *ends = (np.array([getattr(r, name) for r in sound]) for name in ("particles", "ratio", "low", "high"))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING
 
 from softlab.bench.experiments.accuracy.equal_error import equal_error
 from softlab.bench.experiments.accuracy.points import SIZES
@@ -13,6 +13,10 @@ from softlab.plots.core.colours import BLUE, GREEN, GREY
 from softlab.plots.core.data import Results, Source, needed
 from softlab.plots.core.style import HEIGHT, Drawing, as_figure, log_axes, new_figure, plain_ticks
 from softlab.plots.figures.work_precision import INTEGRATORS
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.patches import Patch
 
 MISSING = "no machine in the data has timed a GPU and a CPU at equal error and several sizes"
 SCENE = "S1"  # the scene that is measured at several sizes
@@ -46,7 +50,9 @@ def draw(results: Results) -> Drawing:
     """
     source = needed(results.first(lambda s: len(sizes(s)) > 1))
     figure, (left, right) = new_figure(2, HEIGHT, sharey=False)
-    figure.axes[0].get_gridspec().set_width_ratios((5, 2))
+    grid = left.get_gridspec()
+    assert grid is not None
+    grid.set_width_ratios((5, 2))
     by_size = sizes(source)
     _map(left, by_size)
     _ratios(right, by_size)
@@ -59,7 +65,7 @@ def draw(results: Results) -> Drawing:
     return Drawing(figure, caption, (source,))
 
 
-def _map(ax: Any, by_size: dict[int, list[Point]]) -> None:
+def _map(ax: Axes, by_size: dict[int, list[Point]]) -> None:
     wanted = targets([p for runs in by_size.values() for p in runs])
     for row, runs in enumerate(by_size.values()):
         for column, fastest in enumerate(equal_error(runs, wanted)):
@@ -83,13 +89,13 @@ def _map(ax: Any, by_size: dict[int, list[Point]]) -> None:
     ax.grid(visible=False)
 
 
-def _cell(column: int, row: int, colour: str) -> Any:
+def _cell(column: int, row: int, colour: str) -> Patch:
     from matplotlib.patches import Rectangle
 
     return Rectangle((column - 0.48, row - 0.47), 0.96, 0.94, color=colour, alpha=0.3, linewidth=0)
 
 
-def _ratios(ax: Any, by_size: dict[int, list[Point]], target: float = 1e-2) -> None:
+def _ratios(ax: Axes, by_size: dict[int, list[Point]], target: float = 1e-2) -> None:
     for name, (colour, marker) in INTEGRATORS.items():
         ratios = {}
         for masses, runs in by_size.items():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,6 +21,11 @@ from softlab.model.core.integrators import INTEGRATORS
 from softlab.plots.core.colours import BLACK, ORANGE, SKY, YELLOW
 from softlab.plots.core.data import Results, Source, judgements, needed
 from softlab.plots.core.style import LONG_LABEL, Drawing, as_figure, new_sheet, plain_ticks
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 COLOURS = ("#BFE3D6", SKY, YELLOW, ORANGE)  # of OUTCOMES
 WORDS = ("settles", "bounded, still moving", "grows", "diverged")
@@ -87,7 +92,7 @@ def _draw(results: Results, axis: str) -> Drawing:
     return Drawing(figure, _caption(pair, axis), sources)
 
 
-def _draw_panel(ax: Any, points: Sequence[MapPoint], edges: Sequence[Edge], axis: str) -> None:
+def _draw_panel(ax: Axes, points: Sequence[MapPoint], edges: Sequence[Edge], axis: str) -> None:
     from matplotlib.colors import BoundaryNorm, ListedColormap
 
     steps = sorted({p.place.dt for p in points})
@@ -123,11 +128,11 @@ def _between(steps: Sequence[float]) -> np.ndarray:
     return np.exp(np.concatenate([[2 * logs[0] - middle[0]], middle, [2 * logs[-1] - middle[-1]]]))
 
 
-def _legend(figure: Any) -> None:
+def _legend(figure: Figure) -> None:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    handles: list[Any] = [Patch(color=colour, label=word) for colour, word in zip(COLOURS, WORDS, strict=True)]
+    handles: list[Artist] = [Patch(color=colour, label=word) for colour, word in zip(COLOURS, WORDS, strict=True)]
     handles.append(Line2D([], [], color=BLACK, marker=".", markersize=3, label="analytic limit"))
     handles.append(
         Line2D(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING
 
 from softlab.bench.experiments.tetrahedral.bars import Bar, bars
 from softlab.bench.experiments.tetrahedral.cantilever import BLOCKS, SECOND
@@ -11,6 +11,9 @@ from softlab.plots.core.backends import on_backends
 from softlab.plots.core.colours import GREY, METHODS
 from softlab.plots.core.data import Results, Source, needed
 from softlab.plots.core.style import Drawing, as_figure, legend_below, new_grid, plain_ticks
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 MISSING = "no bars of tetrahedra were measured (softlab tetrahedra)"
 STYLES = {
@@ -83,7 +86,7 @@ def draw(results: Results) -> Drawing:
     return Drawing(figure, caption, (source,))
 
 
-def _panel(ax: Any, measured: Sequence[Bar], error: Callable[[Bar], float]) -> None:
+def _panel(ax: Axes, measured: Sequence[Bar], error: Callable[[Bar], float]) -> None:
     for precision, line in PRECISIONS.items():
         for kind, (_, colour, marker) in STYLES.items():
             curve = sorted(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING
 
 from softlab.bench.experiments.tetrahedral.bars import Bar, bars, of_one_version
 from softlab.bench.experiments.tetrahedral.cantilever import SECOND
@@ -15,6 +15,9 @@ from softlab.plots.core.colours import BLACK, GREY, METHODS
 from softlab.plots.core.data import Results, Source, needed
 from softlab.plots.core.style import Drawing, as_figure, legend_below, new_grid, plain_ticks
 from softlab.plots.figures.tetrahedra import MISSING
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 STYLES = {
     "xpbd": ("position-based", METHODS["xpbd"], "o"),
@@ -90,7 +93,7 @@ def draw(results: Results) -> Drawing:
     return Drawing(figure, caption, sources_of(chosen))
 
 
-def _panel(ax: Any, measured: Sequence[Bar]) -> None:
+def _panel(ax: Axes, measured: Sequence[Bar]) -> None:
     for solver, (_, colour, marker) in STYLES.items():
         for backend, line in LINES.items():
             front = frontier([b for b in measured if (kind_of(b), b.backend) == (solver, backend)])

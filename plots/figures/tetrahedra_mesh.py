@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 from softlab.bench.experiments.tetrahedral.cantilever import SECOND
 from softlab.bench.experiments.tetrahedral.meshes import MESH, STEP, Mesh, Step, meshes, steps
 from softlab.plots.core.colours import BLACK, BLUE, GREY, METHODS, ORANGE, VERMILLION
 from softlab.plots.core.data import Results, judgements, needed
-from softlab.plots.core.style import Drawing, as_figure, legend_below, new_figure, plain_ticks
+from softlab.plots.core.style import Drawing, PointStyle, as_figure, legend_below, new_figure, plain_ticks
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 MARKERS = {5: ("o", "-"), 6: ("s", ":")}
 RATIOS = {0.3: BLUE, 0.45: ORANGE, 0.499: VERMILLION}
@@ -40,12 +43,12 @@ def draw(results: Results) -> Drawing:
     return Drawing(figure, caption, sources)
 
 
-def _meshes(ax: Any, all_meshes: list[Mesh]) -> None:
+def _meshes(ax: Axes, all_meshes: list[Mesh]) -> None:
     for cut, (marker, line) in MARKERS.items():
         for ratio, colour in RATIOS.items():
             curve = [mesh for mesh in all_meshes if (mesh.cut, mesh.poisson) == (cut, ratio)]
             if curve:
-                how = {"color": colour, "marker": marker, "linestyle": line, "markersize": 4}
+                how: PointStyle = {"color": colour, "marker": marker, "linestyle": line, "markersize": 4}
                 ax.plot(
                     [m.across for m in curve], [m.part for m in curve], label=f"{cut} a voxel, ratio {ratio:g}", **how
                 )
@@ -58,7 +61,7 @@ def _meshes(ax: Any, all_meshes: list[Mesh]) -> None:
     ax.set_ylabel("sag / the continuum's")
 
 
-def _steps(ax: Any, all_steps: list[Step]) -> None:
+def _steps(ax: Axes, all_steps: list[Step]) -> None:
     for solver, (label, colour, marker) in SOLVERS.items():
         curve = [step for step in all_steps if step.solver == solver and step.decay > 0]
         if curve:
@@ -74,7 +77,7 @@ def _steps(ax: Any, all_steps: list[Step]) -> None:
         sorted({(1e3 * s.h, s.law) for s in all_steps if (s.solver == SECOND) == second}) for second in (False, True)
     ]
     for number, points in enumerate(law for law in laws if law):
-        named = {} if number else {"label": "what its scheme should lose"}
+        named: PointStyle = {} if number else {"label": "what its scheme should lose"}
         ax.plot(*zip(*points, strict=True), "--", color=BLACK, linewidth=1, **named)
     ax.set_xscale("log")
     ax.set_yscale("log")

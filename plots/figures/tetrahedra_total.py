@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from math import isfinite
-from typing import Any
+from typing import TYPE_CHECKING
 
 from softlab.bench.experiments.tetrahedral.bars import Bar, bars, of_one_version
 from softlab.bench.experiments.tetrahedral.decides import moves
@@ -13,6 +13,9 @@ from softlab.plots.core.data import Results, Source, needed
 from softlab.plots.core.style import Drawing, as_figure, legend_below, new_grid, plain_ticks
 from softlab.plots.figures.tetrahedra import MISSING
 from softlab.plots.figures.tetrahedra_decides import STYLES, frontier, kind_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 MESHES = {50: ORANGE, 400: PURPLE, 3200: BLUE, 25600: GREEN}  # tetrahedra -> colour
 MOST = 10.0  # larger errors are drawn there
@@ -61,7 +64,7 @@ def draw(results: Results) -> Drawing:
     return Drawing(figure, caption, sources_of(chosen))
 
 
-def _panel(ax: Any, measured: list[Bar]) -> list[Bar]:
+def _panel(ax: Axes, measured: list[Bar]) -> list[Bar]:
     """Draw the frontiers of a panel, and return their bars."""
     drawn = []
     for elements, colour in MESHES.items():

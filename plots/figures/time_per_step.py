@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
 from softlab.plots.core.colours import GREY
 from softlab.plots.core.data import THREAD_WORDS, Results, Source
 from softlab.plots.core.style import (
@@ -9,6 +12,7 @@ from softlab.plots.core.style import (
     GPU_PLAIN,
     THREADS,
     Curve,
+    Dash,
     Drawing,
     as_figure,
     draw_times,
@@ -18,6 +22,9 @@ from softlab.plots.core.style import (
     threading_note,
     time_ticks,
 )
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 PLAIN = "launch"  # the kernel with one thread per mass and a launch for every step
 PLAIN_TEXT = (
@@ -59,16 +66,16 @@ def _threads_text(sources: list[Source]) -> str:
     return f"CPU: {note}. " if note else ""
 
 
-def _draw_background(ax: object, results: Results) -> list[Source]:
+def _draw_background(ax: Axes, results: Results) -> list[Source]:
     """Draw committed curves behind the user's own: the GPU where there is one, and threads at 1x."""
-    styles = iter(("--", ":", "-.", (0, (6, 2, 1, 2, 1, 2))))
+    styles: Iterator[Dash] = iter(("--", ":", "-.", (0, (6, 2, 1, 2, 1, 2))))
     drawn = []
     for source in results.background:
         for backend, word, name in (("gpu", None, source.gpu), ("cpu", "1x", f"{source.processor}, 1x")):
             curve = source.select(backend, word)
             if curve:
                 style = next(styles, "-")
-                light = Curve(f"committed: {name}", GREY, "", style)  # type: ignore[arg-type]
+                light = Curve(f"committed: {name}", GREY, "", style)
                 draw_times(ax, curve, light, light=True)
                 drawn.append(source)
     return drawn

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from math import log10
-from typing import Any
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from softlab.bench.experiments.accuracy.methods import admitted
 from softlab.bench.experiments.accuracy.points import CLOTHS, pareto_front
@@ -13,7 +15,10 @@ from softlab.model.scene.scene import load_scene
 from softlab.plots.core.accuracy_points import Point, points
 from softlab.plots.core.colours import BLACK, GREY, METHODS
 from softlab.plots.core.data import Results, Source, needed
-from softlab.plots.core.style import LONG_LABEL, Drawing, as_figure, legend_below, new_grid
+from softlab.plots.core.style import LONG_LABEL, Drawing, PointStyle, as_figure, legend_below, new_grid
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 BROWN, PINK, VIOLET = "#7A5230", "#B0305C", "#5E3C99"
 NAMES = GRIDS | CLOTHS  # label -> scene
@@ -42,7 +47,7 @@ XPBD = {  # in the work-precision diagram the markers are the iterations
     for name, marker in {"xpbd gauss-seidel": "o", "xpbd jacobi": "s", "xpbd averaged-jacobi": "X"}.items()
 }
 DRAWN_XPBD = ("xpbd gauss-seidel", "xpbd jacobi")
-DIGIT = {"markersize": 6.0, "markeredgewidth": 0.4}  # a number as a marker, legible
+DIGIT: PointStyle = {"markersize": 6.0, "markeredgewidth": 0.4}  # a number as a marker, legible
 LINES = {"cpu": "-", "gpu": "--"}
 NEAR = (0.4, 0.25)  # decades of error and of time: width and height of a label
 PALE = 0.35  # opacity of a marker whose time is suspect
@@ -104,13 +109,13 @@ def answering(results: Results, label: str) -> Source | None:
     return next((source for source, timed in methods if timed and len(timed) >= MIN_FRACTION * most), None)
 
 
-def _draw_panel(ax: Any, runs: list[Point], title: str) -> None:
+def _draw_panel(ax: Axes, runs: list[Point], title: str) -> None:
     edge = EDGE * max((p.error for p in runs if not _lost(p) and p.error > 0), default=1.0)
     for name, iterations, colour, marker in _curves(runs):
         for backend, line in LINES.items():
             curve = [p for p in runs if (p.integrator, p.iterations, p.backend) == (name, iterations, backend)]
             sound = [p for p in curve if not _lost(p) and p.error > 0]
-            ax.plot([p.error for p in sound], [p.seconds for p in sound], line, color=colour, linewidth=0.9, zorder=2,
+            ax.plot([p.error for p in sound], _seconds(sound), line, color=colour, linewidth=0.9, zorder=2,
                     alpha=PALE if any(p.suspect for p in sound) else 1.0)  # fmt: skip
             for p in curve:
                 x = edge if _lost(p) else p.error
@@ -118,9 +123,9 @@ def _draw_panel(ax: Any, runs: list[Point], title: str) -> None:
                 alpha = PALE if p.suspect else 1.0
                 if p.low is not None and p.high is not None:
                     ax.plot([x, x], [p.low, p.high], color=colour, linewidth=0.8, zorder=2, alpha=alpha)
-                how: dict[str, Any] = {"marker": marker, "linestyle": "", "color": colour, "markerfacecolor": face}
-                how |= DIGIT if iterations is not None else {"markersize": 3.5}
-                ax.plot([x], [p.seconds], **how, zorder=3, clip_on=False, alpha=alpha)
+                how: PointStyle = {"marker": marker, "linestyle": "", "color": colour, "markerfacecolor": face}
+                how.update(DIGIT if iterations is not None else {"markersize": 3.5})
+                ax.plot([x], _seconds([p]), **how, zorder=3, clip_on=False, alpha=alpha)
         if iterations in (None, min((p.iterations or 0 for p in runs if p.integrator == name), default=None)):
             ax.plot([], [], marker if iterations is None else "-", color=colour, label=name)
     _draw_front(ax, pareto_front(runs))
@@ -134,9 +139,14 @@ def _draw_panel(ax: Any, runs: list[Point], title: str) -> None:
     ax.set_title(title)
 
 
-def _draw_front(ax: Any, front: list[Point]) -> None:
+def _seconds(runs: list[Point]) -> np.ndarray:
+    """Return the times of points, NaN of those that were not timed."""
+    return np.array([p.seconds for p in runs], float)
+
+
+def _draw_front(ax: Axes, front: list[Point]) -> None:
     """Draw the Pareto front with its step sizes; neighbours with one step size get one label."""
-    ax.plot([p.error for p in front], [p.seconds for p in front], "-", color=BLACK, linewidth=3.2, alpha=0.25, zorder=1)
+    ax.plot([p.error for p in front], _seconds(front), "-", color=BLACK, linewidth=3.2, alpha=0.25, zorder=1)
     if front:
         ax.plot([], [], "-", color=BLACK, linewidth=3.2, alpha=0.25, label="Pareto front")
     labelled = [p for before, p in zip([None, *front], front, strict=False) if before is None or before.dt != p.dt]
@@ -172,7 +182,7 @@ def _curves(runs: list[Point]) -> list[tuple[str, int | None, str, str]]:
     return curves
 
 
-def _add_line_keys(ax: Any, runs: list[Point]) -> None:
+def _add_line_keys(ax: Axes, runs: list[Point]) -> None:
     """Add the line styles to the legend."""
     for backend, line in LINES.items():
         if any(p.backend == backend for p in runs):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 from softlab.bench.experiments.findings.determinism import DETERMINISM
 from softlab.plots.core.backends import on_backends, sources_of
@@ -10,6 +10,9 @@ from softlab.plots.core.colours import BLUE, GREEN, GREY, ORANGE, VERMILLION
 from softlab.plots.core.data import Results, needed
 from softlab.plots.core.style import Drawing, as_figure, legend_below, log_axes, new_figure, plain_ticks
 from softlab.plots.findings.points import Cost, costs
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 STYLES = {  # backend, variant -> label, colour, marker
     ("cpu", "colours"): ("CPU, scatter in colours", BLUE, "o"),
@@ -38,7 +41,7 @@ def draw(results: Results) -> Drawing:
     return Drawing(figure, caption, sources_of(chosen))
 
 
-def _panel(ax: Any, backend: str, measured: list[Cost]) -> None:
+def _panel(ax: Axes, backend: str, measured: list[Cost]) -> None:
     for (its, variant), (label, colour, marker) in STYLES.items():
         for precision, line in LINES.items():
             curve = [c for c in measured if (c.backend, c.variant, c.precision) == (its, variant, precision)]

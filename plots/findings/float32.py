@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING
 
 from softlab.bench.experiments.findings.experiment import AWAY, FLOOR
 from softlab.plots.core.data import Results, needed
 from softlab.plots.core.style import Drawing, as_figure, legend_below, log_axes, new_figure
 from softlab.plots.figures.work_precision import INTEGRATORS
 from softlab.plots.findings.points import Row, of_finding
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 LINES = {"float32": "-", "float64": "--"}
 
@@ -33,7 +36,7 @@ def draw(results: Results) -> Drawing:
     return Drawing(figure, caption, (needed(source),))
 
 
-def _draw_floor(ax: Any, measured: list[Row]) -> None:
+def _draw_floor(ax: Axes, measured: list[Row]) -> None:
     for scheme, precision in dict.fromkeys((row.scheme, row.precision) for row in measured):
         colour, marker = INTEGRATORS[scheme]
         curve = [row for row in measured if (row.scheme, row.precision) == (scheme, precision)]
@@ -46,7 +49,7 @@ def _draw_floor(ax: Any, measured: list[Row]) -> None:
     ax.set_title("at ever smaller steps")
 
 
-def _draw_away(ax: Any, measured: list[Row]) -> None:
+def _draw_away(ax: Axes, measured: list[Row]) -> None:
     for scheme in dict.fromkeys(row.scheme for row in measured):
         colour, marker = INTEGRATORS[scheme]
         curve = [row for row in measured if row.scheme == scheme and row.value > 0]

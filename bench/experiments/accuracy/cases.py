@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from softlab.app.driver import open_simulation
 from softlab.bench.experiments.accuracy.methods import (
@@ -114,7 +113,7 @@ def _stride(wide: object, method: str, precision: str) -> int:
     return 2 if not wide or (position_based(method) and precision == "float64") else 1
 
 
-def _variants(label: str, method: str, iterations: Sequence[int], stride: int) -> list[dict[str, Any]]:
+def _variants(label: str, method: str, iterations: Sequence[int], stride: int) -> list[dict[str, object]]:
     """Return the changes of a scene's fields for each step size and number of iterations of a method."""
     if position_based(method):
         sizes = ROPE_STEP_SIZES.get(label, XPBD_STEP_SIZES)[::stride]

@@ -6,10 +6,8 @@ together with its substeps and iterations; it is compared with the motion of the
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 from softlab.model.base.errors import SceneError
+from softlab.model.base.table import Tables
 from softlab.model.core.families import family_of
 from softlab.model.core.integrators import IMPLICIT, INTEGRATORS, integrators_for
 from softlab.model.scene.scene import Scene
@@ -45,7 +43,7 @@ def admitted(scene: Scene) -> str:
     return "" if fits(scene, METHODS[0]) else "only position-based solvers, since no other supports loads"
 
 
-def changes(name: str, iterations: int = 1, substeps: int = 1) -> dict[str, Any]:
+def changes(name: str, iterations: int = 1, substeps: int = 1) -> dict[str, object]:
     """Return the fields of a scene, by dotted path, that select this method, whatever solver the scene names."""
     if not position_based(name):
         return {"method.solver": "mass-spring", "method.integrator": name}
@@ -54,7 +52,7 @@ def changes(name: str, iterations: int = 1, substeps: int = 1) -> dict[str, Any]
     return {f"method.{field}": value for field, value in fields.items()}
 
 
-def efforts(method: Mapping[str, Any]) -> tuple[int | None, int | None]:
+def efforts(method: Tables) -> tuple[int | None, int | None]:
     """Return (iterations, substeps) of a method's table; None for one that it does not have."""
     return method.get("iterations"), method.get("substeps")
 

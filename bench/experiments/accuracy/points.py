@@ -13,8 +13,8 @@ from softlab.bench.experiments.accuracy.methods import WRONG, efforts
 from softlab.bench.experiments.growth import growth_words
 from softlab.bench.measure.experiment import Summary
 from softlab.bench.store.method_name import name_of
-from softlab.bench.store.results import Timing
-from softlab.bench.store.schema import tables_by_kind
+from softlab.bench.store.results import Measure, Timing
+from softlab.bench.store.schema import Description, tables_by_kind
 from softlab.model.base.errors import SceneError
 
 SCENES = {"S1": "lab-curtain", "S2": "lab-hammock"}
@@ -242,7 +242,7 @@ def _statistics(p: AccuracyPoint) -> str:
 
 
 def point(
-    label: str, description: Mapping[str, Any], named: Mapping[str, Any], repeats: Timing | None
+    label: str, description: Description, named: Mapping[str, Measure], repeats: Timing | None
 ) -> AccuracyPoint | None:
     """Return the point of one configuration from its measures by name, or None if there is no error among them.
 
@@ -253,7 +253,7 @@ def point(
     error = named.get(judgement.ERROR)
     if error is None or error.value is None:
         return None
-    values: dict[str, Any] = {name: measure.value for name, measure in named.items()}
+    values = {name: measure.value for name, measure in named.items()}
     method = tables_by_kind(description["scene"])["method"]
     iterations, substeps = efforts(method)
     fields: dict[str, Any] = {name: description[name] for name in ("precision", "backend", "threads", "math")}

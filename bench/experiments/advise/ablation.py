@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 from softlab.model.base.errors import SceneError
 from softlab.model.core.families import scene_plan
@@ -41,7 +40,7 @@ class Ablation:
     kind: str
     spares: str
     drop: str = ""
-    changes: Mapping[str, Any] = field(default_factory=dict)
+    changes: Mapping[str, object] = field(default_factory=dict)
     precision: str = FULL_PRECISION
     math: str = FULL_MATH
 

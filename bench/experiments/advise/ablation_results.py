@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 from rich.console import Console
 from rich.markup import escape
@@ -20,7 +19,7 @@ from softlab.bench.measure.experiment import Summary
 from softlab.bench.reference.cache import TOLERANCE
 from softlab.bench.store.method_name import name_of
 from softlab.bench.store.results import Measure
-from softlab.bench.store.schema import tables_by_kind
+from softlab.bench.store.schema import Description, tables_by_kind
 
 PREFIX = "ablation_"
 # spacings: root mean square over the free masses, to the end state of the full scene's own run
@@ -224,7 +223,7 @@ def _table(group: Mapping[str, Mapping[str, Measure]]) -> Ablated | None:
     full = next((row for row in rows if row.name == FULL.name), None)
     if full is None:
         return None
-    head: dict[str, Any] = group[FULL.name][CHANGE].description
+    head: Description = group[FULL.name][CHANGE].description
     method = tables_by_kind(head["scene"])["method"]
     newest = group[FULL.name][CHANGE].sources
     current = {name for name, named in group.items() if CHANGE in named and named[CHANGE].sources == newest}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
 
 from softlab.bench.experiments.accuracy.methods import changes
 from softlab.bench.experiments.accuracy.points import method_words
@@ -50,7 +49,7 @@ class Choice:
         return f"{method}, dt {self.dt:.4g} s, {self.precision}, {self.backend}"
 
     @property
-    def changes(self) -> dict[str, Any]:
+    def changes(self) -> dict[str, object]:
         """Fields of a scene, by dotted path, that select this configuration."""
         return changes(self.integrator, self.iterations or 1) | {"method.dt": self.dt}
 

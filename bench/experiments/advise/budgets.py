@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Generic, Protocol, TypeVar
 
 from softlab.app.driver import open_simulation
 from softlab.bench.measure.costs_timing import QUICK, Measures, Record, in_turn
@@ -30,7 +30,7 @@ class Chosen(Protocol):
     def precision(self) -> str: ...
 
     @property
-    def changes(self) -> dict[str, Any]:
+    def changes(self) -> dict[str, object]:
         """Fields of a scene, by dotted path, that select it."""
 
 
@@ -66,7 +66,7 @@ def time_in_turn(
                 failed.append((budget, str(problem)))
         if not ready:
             return [], failed
-        record = Record(store, run, cost_sources(ready[0][0].backend, *files))
+        record = Record(store, run, cost_sources(ready[0][0].backend, files))
         costs = in_turn(record, [subject for _, subject in ready], QUICK.repeats)
     return [(budget, numbers) for (budget, _), numbers in zip(ready, costs, strict=True)], failed
 
@@ -155,7 +155,7 @@ class BudgetAdvice(BaseAdvice[B], Generic[B]):
         """Return the remaining error of a budget, in words."""
         raise NotImplementedError
 
-    def _fields(self, one: B) -> dict[str, Any]:
+    def _fields(self, one: B) -> dict[str, object]:
         """Return the fields of the scene that have to be set for a budget."""
         return one.changes
 

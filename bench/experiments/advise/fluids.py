@@ -150,7 +150,7 @@ def _store_errors(store: Store, run: str, scene: Scene, tried: Sequence[FluidBud
         description = described(scene.replace(one.changes), one.backend, FINDING, precision=one.precision)
         value = one.density if isfinite(one.density) else None
         density = value, "", None if value is not None else "diverged"
-        store_measures(store, run, description, cost_sources(one.backend, __file__), {DENSITY: density})
+        store_measures(store, run, description, cost_sources(one.backend, [__file__]), {DENSITY: density})
 
 
 def _nearest(tried: Sequence[FluidBudget], backend: str, scheme: str, error: float) -> tuple[str, str] | None:

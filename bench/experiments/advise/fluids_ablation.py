@@ -165,7 +165,7 @@ class _Work:
                     subject = prepare(Subject(simulation, description), QUICK.seconds, QUICK.most)
                     subjects.append((len(results), subject))
                 results.append(left)
-            record = Record(self.store, self.summary.run, cost_sources(self.backend, __file__))
+            record = Record(self.store, self.summary.run, cost_sources(self.backend, [__file__]))
             timed = in_turn(record, [subject for _, subject in subjects], QUICK.repeats)
         for (number, subject), numbers in zip(subjects, timed, strict=True):
             seconds = numbers[SECONDS][0]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import inf
-from typing import Any
 
 from softlab.bench.experiments.advise.budgets import BudgetAdvice
 
@@ -30,7 +29,7 @@ class FluidBudget:
         return f"{self.substeps} x {self.iterations}"
 
     @property
-    def changes(self) -> dict[str, Any]:
+    def changes(self) -> dict[str, object]:
         """Fields of a scene, by dotted path, that select this budget."""
         return {"method.scheme": self.scheme, "method.substeps": self.substeps, "method.iterations": self.iterations}
 

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
 from math import ceil, inf, isfinite
-from typing import Any
 
 import numpy as np
 
@@ -68,7 +67,7 @@ class Kind:
     def order(self) -> int:
         return order_of(self.integrator)
 
-    def changes(self, dt: float) -> dict[str, Any]:
+    def changes(self, dt: float) -> dict[str, object]:
         """Return the fields of a scene that select this kind with step size `dt` [s]."""
         return changes(self.integrator, self.iterations or 1) | {"method.dt": dt}
 

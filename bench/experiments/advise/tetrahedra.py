@@ -10,11 +10,10 @@ measured one. The error of the mesh is not included.
 from __future__ import annotations
 
 import time as clock
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from math import inf, isfinite, pi, sqrt
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -166,7 +165,10 @@ def budgets_by_law(scene: Scene, stiff: Sequence[Stiff], error: float) -> Iterat
         def excess(substeps: int, sweeps: int = sweeps) -> float:
             return max(one.excess(dt / substeps, sweeps) for one in stiff)
 
-        rows = fewest(lambda n, ask=excess: max(ask(n), damped(n)) <= error)  # type: ignore[misc]
+        def within(substeps: int, excess: Callable[[int], float] = excess) -> bool:
+            return max(excess(substeps), damped(substeps)) <= error
+
+        rows = fewest(within)
         if rows is None:
             yield f"xpbd of {name}", f"needs more than {MOST} substeps per step"
             continue
@@ -176,7 +178,7 @@ def budgets_by_law(scene: Scene, stiff: Sequence[Stiff], error: float) -> Iterat
         yield Budget("xpbd", rows, sweeps, excess(rows), max(damped(rows), excess(rows)), basis)
 
 
-def _second(scene: Scene, error: float, damped: Any, wave: str) -> Budget | tuple[str, str]:
+def _second(scene: Scene, error: float, damped: Callable[[int, int], float], wave: str) -> Budget | tuple[str, str]:
     """Return the budget of Newton's method of second order, which does not support some parts of a scene."""
     against = unsteady(scene)
     if against:
@@ -188,7 +190,9 @@ def _second(scene: Scene, error: float, damped: Any, wave: str) -> Budget | tupl
     return Budget("newton", steps, 1, 0.0, damped(steps, 2), why, order=2)
 
 
-def _descent(dt: float, stiff: Sequence[Stiff], error: float, damped: Any) -> Budget | tuple[str, str]:
+def _descent(
+    dt: float, stiff: Sequence[Stiff], error: float, damped: Callable[[int], float]
+) -> Budget | tuple[str, str]:
     """Return the budget of vertex block descent with the fewest sweeps in total.
 
     Half of the error is allowed for its damping, half for unfinished sweeps.

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import inf
-from typing import Any
 
 from softlab.bench.experiments.advise.budgets import BudgetAdvice
 from softlab.bench.experiments.tetrahedral.cantilever import SECOND
@@ -49,7 +48,7 @@ class Budget:
         return f"{self.words}, {self.precision}, {self.backend}"
 
     @property
-    def changes(self) -> dict[str, Any]:
+    def changes(self) -> dict[str, object]:
         """Fields of a scene, by dotted path, that select this budget."""
         budget = {
             "method.solver": self.solver, "method.substeps": self.substeps, "method.iterations": self.iterations
@@ -82,7 +81,7 @@ class TetrahedraAdvice(BudgetAdvice[Budget]):
         limits = "the error of the mesh is not included; softlab tetrahedra measures how stiffly linear tetrahedra bend"
         return self.text(asked, bases, limits=[limits])
 
-    def _fields(self, one: Budget) -> dict[str, Any]:
+    def _fields(self, one: Budget) -> dict[str, object]:
         """Return the fields that differ from the requested scene."""
         current = {f"method.{field}": value for field, value in self.scene.method.model_dump().items()}
         return {path: value for path, value in one.changes.items() if current.get(path) != value}

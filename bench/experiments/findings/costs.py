@@ -12,7 +12,6 @@ import statistics
 import time
 from collections.abc import Sequence
 from functools import partial
-from typing import Any
 
 from softlab.app.driver import open_simulation
 from softlab.bench.measure.costs_timing import FULL, QUICK, QUICKEST, Effort, Measures, Record, in_turn
@@ -20,6 +19,7 @@ from softlab.bench.measure.experiment import described
 from softlab.bench.measure.items import Group, Items, cost_sources
 from softlab.bench.measure.timing import Subject, prepare
 from softlab.bench.store.database import Store
+from softlab.bench.store.schema import Description
 from softlab.model.core import stepping
 from softlab.model.core.simulation import PRECISIONS, Simulation
 from softlab.model.scene.scene import Scene, load_scene
@@ -73,7 +73,7 @@ def check_groups(backend: str, effort: Effort, most: int | None = None) -> list[
     """Return groups for the lab's grid at several sizes, both precisions, default kernel: (without checks, with
     checks).
     """
-    sources = cost_sources(backend, str(stepping.__file__))
+    sources = cost_sources(backend, [str(stepping.__file__)])
     all_groups = []
     for n in CHECK_SIZES[backend]:
         if most and n > most:
@@ -88,13 +88,13 @@ def check_groups(backend: str, effort: Effort, most: int | None = None) -> list[
     return all_groups
 
 
-def _measure(scene: Scene, descriptions: Sequence[dict[str, Any]], effort: Effort, record: Record) -> list[Measures]:
+def _measure(scene: Scene, descriptions: Sequence[Description], effort: Effort, record: Record) -> list[Measures]:
     with open_simulation(scene, descriptions[0]["backend"], precision=descriptions[0]["precision"]) as simulation:
         return _check_costs(record, simulation, descriptions, effort)
 
 
 def _check_costs(
-    record: Record, simulation: Simulation, descriptions: Sequence[dict[str, Any]], effort: Effort
+    record: Record, simulation: Simulation, descriptions: Sequence[Description], effort: Effort
 ) -> list[Measures]:
     """Measure the same steps without and with checks. A sample is a whole number of intervals, so that each has its
     check.

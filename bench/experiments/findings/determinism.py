@@ -19,7 +19,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import ExitStack
 from functools import partial
-from typing import Any
+
+import numpy as np
 
 from softlab.app.driver import open_simulation
 from softlab.bench.experiments import checks
@@ -29,6 +30,7 @@ from softlab.bench.measure.costs_timing import RATIO, Effort, Measures, Record, 
 from softlab.bench.measure.experiment import described
 from softlab.bench.measure.items import Group, cost_sources
 from softlab.bench.measure.timing import Subject, prepare
+from softlab.bench.store.schema import Description
 from softlab.model.core.simulation import PRECISIONS, Simulation, State
 from softlab.model.scene.scene import Scene, load_scene
 
@@ -51,7 +53,7 @@ def determinism(backend: str, effort: Effort, most: int | None = None) -> list[G
         from softlab.bench.experiments.findings import scatter_gpu
 
         files = [checks.__file__, scatter_gpu.__file__]
-    sources = cost_sources(backend, *map(str, files), __file__)
+    sources = cost_sources(backend, [*map(str, files), __file__])
     all_groups = []
     for n in SIZES[backend]:
         if most and n > most:
@@ -88,7 +90,7 @@ def _lab_kernel(backend: str) -> str:
     return "graph" if can_capture() else "launch"
 
 
-def _costs(scene: Scene, descriptions: tuple[dict[str, Any], ...], effort: Effort, record: Record) -> list[Measures]:
+def _costs(scene: Scene, descriptions: tuple[Description, ...], effort: Effort, record: Record) -> list[Measures]:
     many = scene.grid.rows * scene.grid.columns <= MANY_STEPS_UP_TO
     steps = RUN_STEPS if many else FEW_STEPS
     start, expected = _expected(scene, steps)
@@ -115,7 +117,7 @@ def _costs(scene: Scene, descriptions: tuple[dict[str, Any], ...], effort: Effor
     return [before | (numbers if fine else wrong) for before, numbers, fine in zip(checked, timed, good, strict=True)]
 
 
-def _expected(scene: Scene, steps: int) -> tuple[State, Any]:
+def _expected(scene: Scene, steps: int) -> tuple[State, np.ndarray]:
     """Return (a displaced start, the positions after `steps` steps) by the lab's CPU in float64 `exact` math."""
     with open_simulation(scene, "cpu", precision="float64", math="exact") as judge:
         start = displaced(judge)

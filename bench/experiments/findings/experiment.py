@@ -8,7 +8,7 @@ step solves come from the runs of bench/experiments/accuracy/experiment.py.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -77,7 +77,12 @@ def _experiments(store: Store, backend: str) -> list[Finding]:
 
 
 def _finding(
-    name: str, finding: str, scene: Scene, backend: str | None, measure: Callable[[], Measures], fields: dict[str, Any]
+    name: str,
+    finding: str,
+    scene: Scene,
+    backend: str | None,
+    measure: Callable[[], Measures],
+    fields: Mapping[str, object],
 ) -> Finding:
     """Return an experiment that varies these `fields`; `backend` None: it uses the reference alone."""
     return Finding(name, described(scene, backend or "reference", finding, **fields), _sources(backend), measure)

@@ -5,8 +5,8 @@ Each mass sums the forces of its four springs, so each spring is evaluated twice
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
-from typing import Any
 
 import numpy as np
 from numba import prange
@@ -15,6 +15,7 @@ from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import PLANES, row_at
 from softlab.cpu_backend.mass_spring.grid.rows import variant_name
 from softlab.cpu_backend.mass_spring.grid.solver import MassSpring
+from softlab.model.base.types import Real
 from softlab.model.core.plan import Executor
 from softlab.model.core.simulation import Options
 from softlab.model.formulas import integrators, springs
@@ -23,7 +24,7 @@ from softlab.model.scene.scene import Scene
 TWICE = "twice"  # the kernel's name
 
 
-def _make_row(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
+def _make_row(compiler: Compiler, real: Real, parts: frozenset[str]) -> Callable:
     """Make the step of `count` masses of a row. Neighbours are separate arrays, so that the loop vectorises fully."""
     formulas = compiler.formulas(springs, real)
     spring_acceleration_2d, damped = formulas.spring_acceleration_2d, formulas.damped
@@ -54,7 +55,7 @@ def _make_row(compiler: Compiler, real: Any, parts: frozenset[str]) -> Any:
 
 
 @cache
-def make_gather(real: Any, math: str, parts: frozenset[str]) -> Any:
+def make_gather(real: Real, math: str, parts: frozenset[str]) -> Callable:
     """Make advance(steps, states, current, rows, columns, parameters, pin_start, pin_column).
 
     It does `steps` steps, alternating between the two states (4 planes of rows x columns each) in the flat array

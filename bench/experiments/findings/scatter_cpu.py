@@ -9,8 +9,8 @@ is memory traffic, for sums that every colour reads and writes, and a parallel r
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
-from typing import Any
 
 import numpy as np
 from numba import prange
@@ -19,12 +19,13 @@ from softlab.bench.experiments.findings.gather_cpu import GatherGrid
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import PLANES, row_at
 from softlab.cpu_backend.mass_spring.grid.rows import variant_name
+from softlab.model.base.types import Real
 from softlab.model.formulas import integrators, springs
 
 COLOURS = "colours"  # the kernel's name
 
 
-def _make_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> tuple[Any, Any, Any]:
+def _make_rows(compiler: Compiler, real: Real, parts: frozenset[str]) -> tuple[Callable, Callable, Callable]:
     """Make (along, down, finish): every other spring of a row, the springs between two rows, and the step of a row."""
     formulas = compiler.formulas(springs, real)
     spring_acceleration_2d, damped = formulas.spring_acceleration_2d, formulas.damped
@@ -72,7 +73,7 @@ def _make_rows(compiler: Compiler, real: Any, parts: frozenset[str]) -> tuple[An
 
 
 @cache
-def make_coloured(real: Any, math: str, parts: frozenset[str]) -> Any:
+def make_coloured(real: Real, math: str, parts: frozenset[str]) -> Callable:
     """Make advance(steps, states, current, rows, columns, parameters, pin_start, pin_column, sums).
 
     It does `steps` steps, alternating between the two states (4 planes of rows x columns each) in the flat array

@@ -13,7 +13,7 @@ Formulas, storage and the replayed CUDA graph are those of the lab's kernel `gra
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
 from types import SimpleNamespace
 from typing import Any
@@ -21,13 +21,14 @@ from typing import Any
 import numpy as np
 from numba import cuda as numba_cuda
 
-from softlab.gpu_backend.core.compile import kernel_options, make_kernel, variant_name
+from softlab.gpu_backend.core.compile import Kernel, kernel_options, make_kernel, variant_name
 from softlab.gpu_backend.core.formulas import device_formulas, device_variant
 from softlab.gpu_backend.core.launch import Graphs, can_capture
 from softlab.gpu_backend.core.pairs import load_pair, store_pair
 from softlab.gpu_backend.mass_spring.grid.kernels import make_tools
 from softlab.gpu_backend.mass_spring.grid.point import grid_features, moves_of
 from softlab.gpu_backend.mass_spring.grid.solver import MassSpring
+from softlab.model.base.types import Real
 from softlab.model.core.plan import Executor
 from softlab.model.core.simulation import Options
 from softlab.model.formulas import springs
@@ -81,14 +82,14 @@ class ScatterGrid(MassSpring):
 
 
 @cache
-def make_scatter(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace:
+def make_scatter(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
     """Make the kernels `atomics`, `colours` (four of them) and `move`.
 
     `position`, `velocity`: complex (particles,); `sums` (2 particles,): the forces over mass along x, then those along
     y, all 0 between steps.
     """
 
-    def kernel(function: Any, words: Sequence[str] = ()) -> Any:
+    def kernel(function: Callable, words: Sequence[str] = ()) -> Kernel:
         return make_kernel(function, variant_name(real, math, parts, *words), **kernel_options(math))
 
     colours = [
@@ -101,7 +102,7 @@ def make_scatter(real: Any, math: str, parts: frozenset[str]) -> SimpleNamespace
     )
 
 
-def _atomics_kernel(real: Any, math: str) -> Any:
+def _atomics_kernel(real: Real, math: str) -> Callable:
     spring_acceleration_2d = device_formulas(springs, real, math).spring_acceleration_2d
 
     def scatter_atomics(position, sums, record, rows, columns):
@@ -126,7 +127,7 @@ def _atomics_kernel(real: Any, math: str) -> Any:
     return scatter_atomics
 
 
-def _colour_kernel(real: Any, math: str, down: bool, odd: int) -> Any:
+def _colour_kernel(real: Real, math: str, down: bool, odd: int) -> Callable:
     spring_acceleration_2d = device_formulas(springs, real, math).spring_acceleration_2d
     first = np.int32(odd)
 
@@ -156,7 +157,7 @@ def _colour_kernel(real: Any, math: str, down: bool, odd: int) -> Any:
     return scatter_colour
 
 
-def _move_kernel(real: Any, math: str, parts: frozenset[str]) -> Any:
+def _move_kernel(real: Real, math: str, parts: frozenset[str]) -> Callable:
     move = device_variant(real, math, grid_features("lab", parts))(moves_of("lab", parts)["step"])
     has_pins = "pins" in parts
     zero = real(0)

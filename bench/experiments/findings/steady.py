@@ -14,7 +14,6 @@ import time
 from collections.abc import Sequence
 from contextlib import ExitStack
 from functools import partial
-from typing import Any
 
 from softlab.app.driver import open_simulation
 from softlab.bench.experiments.accuracy.cases import STEP_SIZES
@@ -23,6 +22,7 @@ from softlab.bench.measure.costs_timing import Effort, Measures, Record, in_turn
 from softlab.bench.measure.experiment import described
 from softlab.bench.measure.items import Group, cost_sources
 from softlab.bench.measure.timing import Subject, prepare_runs
+from softlab.bench.store.schema import Description
 from softlab.model.scene.scene import Scene, load_scene
 
 STEADY, LENGTH = "steady cost", "run length"  # values of `finding`
@@ -47,7 +47,7 @@ class Delivered(Subject):
 def steady_groups(backend: str, effort: Effort, quick: bool) -> list[Group]:
     """Return the groups of both findings on a backend; `quick`: two step sizes, the small sheet, no longest run."""
     base = load_scene(SCENES["S1"]).replace({"method.integrator": METHOD})
-    sources = cost_sources(backend, __file__)
+    sources = cost_sources(backend, [__file__])
     sizes, sides, lengths = (STEP_SIZES[:4:2], SIDES[:1], LENGTHS[:3]) if quick else (STEP_SIZES[::2], SIDES, LENGTHS)
     variants = [(base.replace({"method.dt": dt}), state) for dt in sizes for state in ("start", "rest")]
     descriptions = tuple(
@@ -65,7 +65,7 @@ def steady_groups(backend: str, effort: Effort, quick: bool) -> list[Group]:
 
 
 def _steady(
-    variants: Sequence[tuple[Scene, str]], descriptions: Sequence[dict[str, Any]], effort: Effort, record: Record
+    variants: Sequence[tuple[Scene, str]], descriptions: Sequence[Description], effort: Effort, record: Record
 ) -> list[Measures]:
     with ExitStack() as stack:
         subjects = []
@@ -79,7 +79,7 @@ def _steady(
         return in_turn(record, subjects, effort.repeats)
 
 
-def _lengths(scene: Scene, descriptions: Sequence[dict[str, Any]], effort: Effort, record: Record) -> list[Measures]:
+def _lengths(scene: Scene, descriptions: Sequence[Description], effort: Effort, record: Record) -> list[Measures]:
     with ExitStack() as stack:
         subjects = []
         for one in descriptions:

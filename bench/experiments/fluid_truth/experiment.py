@@ -12,7 +12,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from softlab.app.driver import open_simulation
 from softlab.bench.experiments.fluid_truth.laws import judged
@@ -24,6 +24,7 @@ from softlab.bench.measure.items import Group, cost_sources
 from softlab.bench.measure.timing import Subject, prepare
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import configuration
+from softlab.bench.store.schema import Description
 from softlab.model.base.components import component
 from softlab.model.base.errors import SoftlabError
 from softlab.model.core.build import build
@@ -36,17 +37,27 @@ LABELS = {f"splishsplash_{method.lower()}": f"SPlisHSPlasH {method}" for method 
 PEERS = {TANK: ("DFSPH",), DAM: ("DFSPH", "PBF")}  # its methods by kind; its PBF takes seconds per frame in the tank
 
 
+class FluidPeer(Protocol):
+    """Another program that runs fluids (bench/peers/base.py)."""
+
+    name: str
+    backend: str
+
+    def available(self) -> tuple[bool, str]:
+        """Return (whether it is installed, its version or what to install)."""
+
+
 @dataclass(frozen=True)
 class Run:
     """A setting, run by softlab (`peer` None) or by another program, on that many CPU `threads`."""
 
     setting: Setting
     backend: str
-    peer: Any = None
+    peer: FluidPeer | None = None
     threads: str | int = "1x"
 
     @property
-    def description(self) -> dict[str, Any]:
+    def description(self) -> Description:
         name = None if self.peer is None else self.peer.name
         host = host_of(self.backend, self.threads)
         fields = configuration(self.setting.scene, backend=self.backend, peer=name, **host)
@@ -66,7 +77,7 @@ def groups(store: Store, backends: Sequence[str], quick: bool, peers: bool = Fal
                 others = [component(f"{BESIDE}:peer_of", "--peers")(method) for method in PEERS.get(kind, ())]
                 runs += [Run(beside[0], backend, peer) for peer in others if peer.backend == backend]
             process = Path(__file__).parents[2].glob("peers/fluids/splishsplash_process.py")
-            sources = cost_sources(backend, *map(str, (*sorted(Path(__file__).parent.glob("*.py")), *process)))
+            sources = cost_sources(backend, [*sorted(Path(__file__).parent.glob("*.py")), *process])
             descriptions = tuple(run.description for run in runs)
             measure = partial(_measured, runs, descriptions, QUICK if quick else FULL)
             all_groups.append(Group(f"{kind}, {backend}", descriptions, sources, measure, len(runs)))
@@ -77,7 +88,7 @@ BESIDE_PEERS = Option("--peers", "With --truth or --rest: also measure other pro
 
 
 def _measured(
-    runs: Sequence[Run], descriptions: Sequence[dict[str, Any]], effort: Effort, record: Record
+    runs: Sequence[Run], descriptions: Sequence[Description], effort: Effort, record: Record
 ) -> list[Measures]:
     measures: list[Measures] = [{} for _ in runs]
     with ExitStack() as stack:

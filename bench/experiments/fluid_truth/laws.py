@@ -20,7 +20,7 @@ Independent of the solver: only positions and velocities, in float64, and pressu
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Protocol
 
 import numpy as np
 
@@ -49,7 +49,15 @@ MOYCE = np.array(
 Progress = Callable[[float], None]  # argument: the fraction of a run that is done
 
 
-def judged(simulation: Any, scene: Scene, kind: str, progress: Progress = lambda part: None) -> Measures:
+class Stepped(Protocol):
+    """A simulation of the lab or of a peer."""
+
+    def advance(self, steps: int) -> object: ...
+
+    def read(self, name: str) -> np.ndarray: ...
+
+
+def judged(simulation: Stepped, scene: Scene, kind: str, progress: Progress = lambda part: None) -> Measures:
     """Return the errors of a simulation, at its start, against the law of its `kind`; it is left at the end.
 
     `simulation`: has advance(steps) and read(name), the lab's or a peer's.
@@ -62,7 +70,7 @@ def _steps(scene: Scene, seconds: float) -> int:
     return round(seconds / scene.method.dt)
 
 
-def _on(simulation: Any, steps: int, progress: Progress, total: int, done: int = 0) -> None:
+def _on(simulation: Stepped, steps: int, progress: Progress, total: int, done: int = 0) -> None:
     """Advance that many steps, a sixteenth of `total` at a time."""
     part = max(1, total // 16)
     for begin in range(0, steps, part):
@@ -70,11 +78,11 @@ def _on(simulation: Any, steps: int, progress: Progress, total: int, done: int =
         progress((done + min(begin + part, steps)) / total)
 
 
-def _places(simulation: Any) -> np.ndarray:
+def _places(simulation: Stepped) -> np.ndarray:
     return np.asarray(simulation.read("position"), np.float64)
 
 
-def _at_rest(simulation: Any, scene: Scene, progress: Progress) -> Measures:
+def _at_rest(simulation: Stepped, scene: Scene, progress: Progress) -> Measures:
     assert scene.gravity is not None
     fluid_set, steps = scene.fluid_set, _steps(scene, REST)
     depth, g = float(np.ptp(fluid_set.position[:, 1])) + fluid_set.spacing, scene.gravity.acceleration
@@ -106,7 +114,7 @@ def _at_rest(simulation: Any, scene: Scene, progress: Progress) -> Measures:
     }
 
 
-def _pressure(simulation: Any) -> np.ndarray | None:
+def _pressure(simulation: Stepped) -> np.ndarray | None:
     try:
         return np.asarray(simulation.read("pressure"), np.float64)
     except (SoftlabError, ValueError):  # a peer or a scheme without pressures
@@ -128,7 +136,7 @@ def start_off() -> float:
     return float(x1 / (1 + (np.sqrt(x2 - 1) - root * (t2 - t1)) ** 2) - 1)
 
 
-def _front(simulation: Any, scene: Scene, progress: Progress) -> Measures:
+def _front(simulation: Stepped, scene: Scene, progress: Progress) -> Measures:
     assert scene.gravity is not None
     steps, spacing = _steps(scene, DAM_SECONDS), scene.fluid_set.spacing
     time, front = [0.0], [1.0]
@@ -148,7 +156,7 @@ def _front(simulation: Any, scene: Scene, progress: Progress) -> Measures:
     }
 
 
-def _slowed(simulation: Any, scene: Scene, progress: Progress) -> Measures:
+def _slowed(simulation: Stepped, scene: Scene, progress: Progress) -> Measures:
     assert scene.domain is not None
     steps, times, energy = _steps(scene, VORTEX_SECONDS), [], []
     for step in range(steps):
@@ -170,7 +178,7 @@ def radius_of(scene: Scene) -> float:
     return float(np.cbrt(3 * fluid_set.particle_count / (4 * np.pi))) * fluid_set.spacing
 
 
-def _drop(simulation: Any, scene: Scene, progress: Progress) -> Measures:
+def _drop(simulation: Stepped, scene: Scene, progress: Progress) -> Measures:
     fluid_set, steps = scene.fluid_set, _steps(scene, DROP_SECONDS)
     start = fluid_set.position.mean(axis=0)
     radius = radius_of(scene)
@@ -195,7 +203,7 @@ def _drop(simulation: Any, scene: Scene, progress: Progress) -> Measures:
     }
 
 
-def _levels(simulation: Any, scene: Scene, progress: Progress) -> Measures:
+def _levels(simulation: Stepped, scene: Scene, progress: Progress) -> Measures:
     fluid_set, steps = scene.fluid_set, _steps(scene, TWO_SECONDS)
     _on(simulation, steps, progress, steps)
     place = _places(simulation)

@@ -89,7 +89,8 @@ def rows(stored: Iterable[Measure]) -> list[Judged]:
         fields, kind = some.description, some.description["finding"].removeprefix(FINDING)
         if kind not in NUMBERS:
             continue
-        scene, peer = Scene.stored(fields["scene"]), fields.get("peer")
+        scene = Scene.stored(fields["scene"])
+        peer: str | None = fields.get("peer")
         seconds = numbers.get(SECONDS)
         taken = None if seconds is None or seconds.value is None else seconds.value * FRAME / scene.method.dt
         values = {name: m.value for name, m in numbers.items() if name in NUMBERS[kind] and m.value is not None}

@@ -7,9 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, get_args
+from typing import get_args
 
 from softlab.bench.experiments.fluids import FRAME, pool
+from softlab.model.base.table import Table
 from softlab.model.scene.scene import Scene, load_scene
 from softlab.model.tables.method import SchemeName
 
@@ -60,7 +61,7 @@ def settings(quick: bool = False, schemes: tuple[str, ...] = SCHEMES) -> Iterato
             yield Setting(TWO, load_scene("two-fluids").replace({"method.scheme": scheme}))
 
 
-def _how(scheme: str, substeps: int, iterations: int) -> dict[str, Any]:
+def _how(scheme: str, substeps: int, iterations: int) -> Table:
     return {"method.scheme": scheme, "method.substeps": substeps, "method.iterations": iterations}
 
 

@@ -6,9 +6,8 @@ in turn; each state is first compared bit by bit with that of one GPU, in `exact
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from rich.console import Console
@@ -18,6 +17,7 @@ from softlab.app.shared import check_sharing
 from softlab.bench.experiments.scaling.model import TRANSFERS, Cluster, predicted
 from softlab.bench.measure.case_timing import Case, Rates, Row, Summary
 from softlab.bench.measure.costs_timing import Measures
+from softlab.bench.measure.declaration import Choices
 from softlab.bench.measure.energy import joules_of_all, nvml_counter
 from softlab.bench.measure.experiment import source_hash, store_measures
 from softlab.bench.measure.gpu import gpu_simulated
@@ -81,7 +81,7 @@ def sheet_of(scene: str, rows: int, columns: int) -> Scene:
     """Return one of SCENES with that many masses."""
     name, ordering = SCENES[scene]
     kind = "cloth" if ordering else "grid"
-    changes: dict[str, Any] = {f"{kind}.rows": rows, f"{kind}.columns": columns}
+    changes: dict[str, object] = {f"{kind}.rows": rows, f"{kind}.columns": columns}
     return load_scene(name).replace(changes | ({"method.ordering": ordering} if ordering else {}))
 
 
@@ -132,7 +132,7 @@ class Scaling(Rates):
         """Return the number of masses per step."""
         return scene.grid.particle_count
 
-    def picked(self, how: Mapping[str, Any], quick: bool) -> dict[str, Any]:
+    def picked(self, how: Choices, quick: bool) -> Choices:
         """Return the options, which `softlab sweep` has checked."""
         return {"precisions": ("float32",)} | dict(how)
 
@@ -229,7 +229,7 @@ def _every(p: Row) -> int:
     return p.exchange_every or decompose(p.rows, p.columns, p.gpus, Stencil()).steps
 
 
-def _sheet(p: Row) -> tuple[Any, ...]:
+def _sheet(p: Row) -> tuple[object, ...]:
     """Return the key that two comparable points have in common, without the rows."""
     return p.machine, p.sheet, p.precision, p.columns
 

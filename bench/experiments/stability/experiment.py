@@ -15,7 +15,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
-from typing import Any
 
 from softlab.app.driver import open_simulation
 from softlab.bench.experiments.accuracy.methods import QUICK_FLOAT32
@@ -91,7 +90,7 @@ class Case(case_timing.Case):
         return EDGE_WORTH if self.edge else 1
 
     @property
-    def simulation_kind(self) -> tuple[Any, ...]:
+    def simulation_kind(self) -> tuple[object, ...]:
         """Key of the cases that share an opened simulation."""
         grid = self.scene.grid
         return self.backend, self.precision, self.scene.method.integrator, self.edge, grid.rows, grid.columns
@@ -167,7 +166,7 @@ class Stability(Experiment):
 
     def plan(self, store: Store, backends: Sequence[str], quick: bool, options: Choices) -> Sequence[Sequence[Case]]:
         """Return the cases of each opened simulation."""
-        groups: dict[tuple[Any, ...], list[Case]] = {}
+        groups: dict[tuple[object, ...], list[Case]] = {}
         for case in cases(QUICK if quick else FULL, backends, options["integrators"]):
             groups.setdefault(case.simulation_kind, []).append(case)
         return list(groups.values())

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from math import inf, isfinite
-from typing import Any
 
 from softlab.bench.experiments.stability.runs import DIVERGED, END, GROWS, OUTCOMES
 from softlab.bench.measure.experiment import Summary
 from softlab.bench.store.results import Measure, by_configuration
-from softlab.bench.store.schema import canonical
+from softlab.bench.store.schema import Description, canonical
 from softlab.model.core.families import stability_limit
 from softlab.model.core.integrators import INTEGRATORS
 from softlab.model.scene.scene import Scene
@@ -86,7 +85,7 @@ class Edge:
         return self.measured / self.analytic - 1 if self.analytic > 0 and isfinite(self.analytic) else inf
 
 
-def place_of(description: Mapping[str, Any]) -> Place:
+def place_of(description: Description) -> Place:
     """Return the position on the map of a configuration, as bench.store.results.configuration describes it."""
     return _place(canonical(description["scene"]), description["backend"], description["precision"])
 
@@ -120,7 +119,7 @@ def stability_of(all_measures: Iterable[Measure]) -> tuple[list[MapPoint], list[
             edges.append(Edge(place, edge.value, limit.value))
     order = list(INTEGRATORS)
 
-    def key(entry: MapPoint | Edge) -> tuple[Any, ...]:
+    def key(entry: MapPoint | Edge) -> tuple[object, ...]:
         at = entry.place
         return order.index(at.integrator), at.backend, at.precision, at.chain, at.stiffness, at.damping, at.dt
 

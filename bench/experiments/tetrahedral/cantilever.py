@@ -8,11 +8,9 @@ references of the user's cache, each as soon as it is made; a rest state that wa
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
 from functools import cache
 from math import pi, sqrt
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -20,6 +18,7 @@ from softlab.bench.reference.cache import cached_arrays, sources
 from softlab.bench.reference.finite_elements import Body, mode_shapes
 from softlab.bench.reference.finite_elements_newton import nonlinear_static
 from softlab.model.base.disk_cache import cache_folder, write_arrays
+from softlab.model.base.table import Table, Tables
 from softlab.model.scene.scene import Scene
 
 LENGTH, SIDE, DENSITY, POISSON = 1.0, 0.1, 1000.0, 0.3  # m, m, kg/m^3
@@ -34,7 +33,7 @@ REFERENCE = 1e6  # Pa: of the bars that references are made of
 _MASSES: dict[int, float] = {}  # kg: mass of a particle by voxels across, so that a bar is not cut again to know it
 
 
-def setting_of(method: Mapping[str, Any]) -> str:
+def setting_of(method: Tables) -> str:
     """Return the name in SETTINGS of a table `method`."""
     if method.get("rows") == "blocks":
         return BLOCKS
@@ -47,7 +46,7 @@ def cantilever(across: int, young: float, solver: str, substeps: int, iterations
         "kind": "tetrahedral_body", "shape": {"name": "box", "sides": [LENGTH, SIDE, SIDE]}, "edge": SIDE / across,
         "young_modulus": young, "poisson_ratio": POISSON, "density": DENSITY, "pinned": ["left"],
     }  # fmt: skip
-    method: dict[str, Any] = {"solver": solver.split()[0], "dt": FRAME, "substeps": substeps, "iterations": iterations}
+    method: Table = {"solver": solver.split()[0], "dt": FRAME, "substeps": substeps, "iterations": iterations}
     if solver == BLOCKS:
         method["rows"] = "blocks"
     if solver == SECOND:

@@ -18,7 +18,6 @@ from dataclasses import dataclass
 from functools import partial
 from math import log, log1p, pi
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from rich.console import Console
@@ -35,7 +34,7 @@ from softlab.bench.reference import finite_elements
 from softlab.bench.reference.finite_elements import linear_static, mode_shapes, spread_evenly
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import Measure, by_configuration, measures
-from softlab.bench.store.schema import tables_by_kind
+from softlab.bench.store.schema import Description, tables_by_kind
 from softlab.model.base.digest import source_digest
 from softlab.model.core.build import build
 from softlab.model.core.simulation import State
@@ -65,7 +64,7 @@ def mesh_items(store: Store, backends: Sequence[str], quick: bool) -> list[Findi
                 description = described(scene, "cpu", MESH, precision="float64")
                 items.append(Finding(PART, description, f"{digest}-m1", partial(mesh_part, scene)))
     for backend in backends:
-        sources = f"{cost_sources(backend, __file__)}-{digest}"
+        sources = f"{cost_sources(backend, [__file__])}-{digest}"
         for solver, iterations in SOLVERS.items():
             usual = (SUBSTEPS[0], SUBSTEPS[2]) if quick else SUBSTEPS
             for substeps in OF_SECOND if solver == SECOND else usual:
@@ -99,7 +98,8 @@ def mesh_part(scene: Scene) -> Measures:
 def swinging(solver: str, substeps: int, iterations: int) -> Scene:
     """Return the coarsest bar without a load and practically without a brake."""
     scene = cantilever(1, YOUNG, solver, substeps, iterations)
-    return scene.replace({"gravity.enabled": False, "damping.coefficient": FREE * scene.damping.coefficient})  # type: ignore[union-attr]
+    assert scene.damping is not None
+    return scene.replace({"gravity.enabled": False, "damping.coefficient": FREE * scene.damping.coefficient})
 
 
 def first_mode(scene: Scene) -> tuple[float, np.ndarray]:
@@ -169,7 +169,7 @@ class Step:
     frequency: float
 
 
-def _by_finding(stored: Iterable[Measure], finding: str) -> Iterator[tuple[dict[str, Any], dict[str, float]]]:
+def _by_finding(stored: Iterable[Measure], finding: str) -> Iterator[tuple[Description, dict[str, float]]]:
     for numbers in by_configuration(m for m in stored if m.description.get("finding") == finding):
         description = next(iter(numbers.values())).description
         yield description, {name: one.value for name, one in numbers.items() if one.value is not None}

@@ -5,7 +5,7 @@ Both read a vector at each position, and a second vector that belongs to it, six
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
 
 from softlab.cpu_backend.core.layout import BLOCK, row_at
 from softlab.cpu_backend.core.scratch import AXES, row_start
@@ -51,11 +51,11 @@ def product(dx, dy, dz, wx, wy, wz, stiffness, stiffness_rest, damping, dt):
     return product_3d(dx, dy, dz, wx, wy, wz, stiffness, stiffness_rest, damping)
 
 
-def end_pulls(parts: frozenset[str]) -> dict[str, Any]:
+def end_pulls(parts: frozenset[str]) -> dict[str, Callable]:
     """Return forces at the step's end. First vector: position without the end velocity; second: that velocity."""
     return pulls_of(parts, filled(pulls, {"pull_formula": end_pull_3d}))
 
 
-def products(parts: frozenset[str]) -> dict[str, Any]:
+def products(parts: frozenset[str]) -> dict[str, Callable]:
     """Return products. First vector: position at the step's end; second: the vector to multiply."""
     return pulls_of(parts, filled(pulls, {"pull_formula": product}))

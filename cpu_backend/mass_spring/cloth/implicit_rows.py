@@ -6,7 +6,7 @@ The working memory is planes as of a state, three for a vector, in the order for
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
 
 import numpy as np
 
@@ -221,7 +221,7 @@ def finish_row(i, step, blocks, layout, source, work, target, parameters, bodies
         collide_row(bodies, kinds, step, parameters, blocks, source, here, plane, target, here, plane)
 
 
-def system_functions(compiler: Compiler, real: Real, parts: frozenset[str]) -> dict[str, Any]:
+def system_functions(compiler: Compiler, real: Real, parts: frozenset[str]) -> dict[str, Callable]:
     """Return the functions for the open names of the passes in a scene."""
     springs, integrator = spring_parts(parts), "implicit-euler"
     elsewhere = compiler.variant_of(real, cloth_features(real, integrator, parts - springs))

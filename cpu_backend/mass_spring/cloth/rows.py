@@ -10,7 +10,6 @@ read. Sums have one fixed order (sum_accelerations). A part that a scene lacks l
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
@@ -19,7 +18,7 @@ from softlab.cpu_backend.core.layout import BLOCK, L_COLUMNS, L_PLANE, L_ROWS, L
 from softlab.cpu_backend.core.own_forces import add_3d, with_forces
 from softlab.cpu_backend.core.scratch import AXES, SPAN, clear_column, clear_triple, row_edge, row_start, triples_of
 from softlab.cpu_backend.core.wind import add_wind, wind_cells
-from softlab.model.base.types import Real
+from softlab.model.base.types import Feature, Real
 from softlab.model.base.variant import FEATURE, Open, filled, routine, row_routine
 from softlab.model.contact.cloth_parameters import spring_constants
 from softlab.model.core.integrators import step_formula
@@ -210,7 +209,7 @@ def sum_forces(i, closing, opening, blocks, source, sheet, air, scratch, width):
         add_particle_force(i, closing, opening, layout, parameters, integers, scratch, width)
 
 
-def pulls_of(parts: frozenset[str], pulls: Any = pulls) -> dict[str, Any]:
+def pulls_of(parts: frozenset[str], pulls: Callable = pulls) -> dict[str, Callable]:
     """Return `pulls` for each kind of springs, by their open names."""
     kinds = {}
     for kind in SPRING_KINDS:
@@ -219,12 +218,12 @@ def pulls_of(parts: frozenset[str], pulls: Any = pulls) -> dict[str, Any]:
     return kinds
 
 
-def of_scene(kernel: Callable, integrator: str, parts: frozenset[str]) -> Any:
+def of_scene(kernel: Callable, integrator: str, parts: frozenset[str]) -> Callable:
     """Return a kernel with the springs and forces of a scene and the formula of an integrator."""
     return with_forces(filled(kernel, {**pulls_of(parts), "one_force": step_formula(integrator)}), parts)
 
 
-def cloth_features(real: Real, integrator: str, parts: frozenset[str]) -> dict[str, Any]:
+def cloth_features(real: Real, integrator: str, parts: frozenset[str]) -> dict[str, Feature]:
     """Return the features of a cloth's kernels."""
     at = triples_of(parts)
     names = ("across", "close", "down", "far_across", "far_down", "first", "left", "open", "right", "second")

@@ -82,7 +82,7 @@ class ClothMassSpring(RowsSimulation):
             self.kinds,
         )  # fmt: skip
 
-    def _passes(self, step: int, steps: int) -> tuple[Any, ...]:
+    def _passes(self, step: int, steps: int) -> tuple[Passes, np.ndarray, int, Sheet, np.ndarray]:
         """Return the arguments of the kernel `fused`: one pass per step; for velocity Verlet one more, or twice as
         many."""
         verlet = self.scene.method.integrator == "velocity-verlet"
@@ -103,7 +103,7 @@ class ClothMassSpring(RowsSimulation):
         if self.implicit is not None:
             self.implicit.renew()
 
-    def _pin_velocity(self, step: int) -> Any:
+    def _pin_velocity(self, step: int) -> np.ndarray | float:
         if "motion" not in self.plan.parts:
             return 0
         return pin_velocity(self.bodies, int(self.integers[PIN_ROWS]), len(self.body.pinned), step, self._record)

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from numba import prange
@@ -19,10 +18,11 @@ from softlab.cpu_backend.contact.pins import follow
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.own_forces import bind_forces
 from softlab.cpu_backend.core.scratch import cloth_variant
+from softlab.cpu_backend.core.simulation import RowsSimulation
 from softlab.cpu_backend.core.wind import make_wind_stage
 from softlab.cpu_backend.mass_spring.cloth.kernels import PIN_ROWS
 from softlab.cpu_backend.mass_spring.cloth.stage_forces import make_spring_stage
-from softlab.cpu_backend.mass_spring.motion_stages import bind_motion, make_motion_stages
+from softlab.cpu_backend.mass_spring.motion_stages import Planes, bind_motion, make_motion_stages
 from softlab.model.base.types import Real
 from softlab.model.base.variant import routine
 from softlab.model.contact.cloth_parameters import (
@@ -58,7 +58,7 @@ def make_pin_stage(compiler: Compiler, real: Real, parts: frozenset[str]) -> Cal
 def make_cloth_stages(real: Real, math: str, integrator: str, parts: frozenset[str]) -> SimpleNamespace:
     """Make the stage kernels of a variant; each is compiled when it first runs, for the parts that affect it."""
 
-    def build(make: Any, words: Sequence[str]) -> Any:
+    def build(make: Callable, words: Sequence[str]) -> Callable:
         matter = frozenset(part for part in parts if part.split("-")[0] in words)
         return make(Compiler(cloth_variant("stage", real, math, matter), math), real, matter)
 
@@ -72,7 +72,7 @@ def make_cloth_stages(real: Real, math: str, integrator: str, parts: frozenset[s
     return stages
 
 
-def bind_cloth_stages(sim: Any) -> dict[str, StageRun]:
+def bind_cloth_stages(sim: RowsSimulation) -> dict[str, StageRun]:
     """Return the function of each named stage of `sim`, a cpu_backend.mass_spring.cloth.solver.ClothMassSpring."""
     integrator = sim.scene.method.integrator
     make = make_cloth_stages(sim.real, sim.options.math, integrator, sim.plan.parts)
@@ -80,7 +80,7 @@ def bind_cloth_stages(sim: Any) -> dict[str, StageRun]:
     acceleration = tuple(sums)
     state = tuple(sim.current)
     before = tuple(sim.current[:3].copy()) if len(sim.kinds) else ()
-    at = {"state": state}  # state at which forces are evaluated: the state, or a stage of RK4
+    at: dict[str, Planes] = {"state": state}  # state at which forces are evaluated: the state, or a stage of RK4
     pin_rows, pin_columns = np.divmod(sim.body.pinned, sim.body.columns)
     whole_step = 1 if integrator == "velocity-verlet" else 0  # a step's end is the next one's start, to the last bit
 

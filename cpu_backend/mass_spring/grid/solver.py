@@ -7,7 +7,7 @@ file; mass_spring/grid/choice.py chooses one. In `exact` math all give the same 
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable
 
 import numpy as np
 
@@ -54,7 +54,7 @@ class MassSpring(RowsSimulation):
         if self.kernel == "stages":
             return Executor(self.plan, bind_stages(self))
         bands, width = self._bands, self._layout.stride
-        make: Any = {"fused": make_advance, "team": make_team_advance, "tiled": make_tiled_advance}[self.kernel]
+        make: Callable = {"fused": make_advance, "team": make_team_advance, "tiled": make_tiled_advance}[self.kernel]
         variant = self.real, self.options.math, self.scene.method.integrator, self.plan.parts
         scratch = bands * width * (TEAM_SCRATCH_ROWS if self.kernel == "team" else SCRATCH_ROWS)
         if self.kernel == "team":
@@ -70,7 +70,7 @@ class MassSpring(RowsSimulation):
         run = {"fused": self._advance_fused, "team": self._advance_team, "tiled": self._advance_tiled}[self.kernel]
         return Executor(self.plan, {}, run)
 
-    def _passes(self, step: int, steps: int) -> tuple[Any, ...]:
+    def _passes(self, step: int, steps: int) -> tuple[Passes, np.ndarray, int, Sheet, np.ndarray]:
         """Return the first arguments of every kernel of one-force integrators and velocity Verlet."""
         verlet = self.scene.method.integrator == "velocity-verlet"
         first, last = (OPENING, CLOSING) if verlet else (MIDDLE, MIDDLE)

@@ -8,14 +8,14 @@ from __future__ import annotations
 
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from numba import prange
 
 from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.own_forces import bind_forces
-from softlab.cpu_backend.mass_spring.motion_stages import bind_motion, make_motion_stages
+from softlab.cpu_backend.core.simulation import RowsSimulation
+from softlab.cpu_backend.mass_spring.motion_stages import Planes, bind_motion, make_motion_stages
 from softlab.model.base.types import Real
 from softlab.model.base.variant import FEATURE, routine
 from softlab.model.core.plan import Moment, StageRun
@@ -71,12 +71,12 @@ def make_stages(real: Real, math: str, integrator: str, alternating: bool = Fals
     return stages
 
 
-def bind_stages(sim: Any) -> dict[str, StageRun]:
+def bind_stages(sim: RowsSimulation) -> dict[str, StageRun]:
     """Return the function of each named stage of `sim`, a cpu_backend.mass_spring.grid.solver.MassSpring."""
     alternating = "alternating" in sim.plan.parts
     make = make_stages(sim.real, sim.options.math, sim.scene.method.integrator, alternating)
     acceleration = np.zeros((2, sim.body.rows, sim.body.columns), sim.real)
-    at = {"state": sim.current}  # state at which forces are evaluated: the state, or a stage of RK4
+    at: dict[str, Planes] = {"state": sim.current}  # state at which forces are evaluated: the state, or a stage of RK4
     pin_rows, pin_columns = np.divmod(sim.body.pinned, sim.body.columns)
 
     def spring_forces(moment: Moment) -> None:

@@ -9,12 +9,11 @@ force evaluation.
 from __future__ import annotations
 
 from functools import cache
-from typing import Any
 
 import numpy as np
 from numba import cuda
 
-from softlab.gpu_backend.core.compile import kernel_options, make_kernel, variant_name
+from softlab.gpu_backend.core.compile import Kernel, kernel_options, make_kernel, variant_name
 from softlab.gpu_backend.core.device import ALIGNMENT, simulated
 from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
@@ -22,6 +21,7 @@ from softlab.gpu_backend.core.wind import air_now
 from softlab.gpu_backend.core.world import Cell, World
 from softlab.gpu_backend.mass_spring.cloth.moves import moves_of
 from softlab.gpu_backend.mass_spring.cloth.point import cloth_features, current_step, of_scene
+from softlab.model.base.types import Real
 from softlab.model.base.variant import FEATURE, Open, filled, inlined_routine, routine
 from softlab.model.mass_spring.cloth_plan import kicks_coupled
 
@@ -37,7 +37,7 @@ def block_threads(masses: int) -> int:
     return max(32, 1 << (masses - 1).bit_length())
 
 
-def block_bytes(real: Any, parts: frozenset[str], masses: int) -> int:
+def block_bytes(real: Real, parts: frozenset[str], masses: int) -> int:
     """Return the shared memory of the block [bytes]: two copies of the values that neighbours read, and of the air's
     velocity."""
     arrays = 2 if kicks_coupled(parts) else 4
@@ -118,7 +118,7 @@ def block_steps(
 
 
 @cache
-def make_cloth_block(real: Any, math: str, integrator: str, parts: frozenset[str], threads: int) -> Any:
+def make_cloth_block(real: Real, math: str, integrator: str, parts: frozenset[str], threads: int) -> Kernel:
     """Compile kernel(position, velocity, new_position, new_velocity, record, bodies, integers, counter, pass_number,
     passes, rows, columns): `passes` steps of the whole sheet, from the old state to the new one.
 

@@ -7,7 +7,6 @@ gravity, damping and two pins. A choice depends only on their ratios, so it suit
 from __future__ import annotations
 
 from math import prod
-from typing import Any
 
 import numpy as np
 
@@ -18,6 +17,7 @@ from softlab.gpu_backend.mass_spring.cloth.block import MAX_THREADS, block_bytes
 from softlab.gpu_backend.mass_spring.cloth.launch import cloth_blocks, why_no_cloth_tile
 from softlab.gpu_backend.mass_spring.tile_choice import fastest, measured_tiles
 from softlab.model.base.errors import SceneError
+from softlab.model.base.types import Real
 from softlab.model.core.options import unknown_kernel
 from softlab.model.mass_spring.cloth_plan import kicks_coupled
 from softlab.model.scene.scene import Scene
@@ -31,7 +31,7 @@ ONE_BLOCK_MASSES_IN_WIND = 576
 # us per step of `resident` on a tile, by the blocks that share a multiprocessor; all run at once, so the sheet's size
 # does not matter otherwise. Of tiles without measurements, the first one that fits is used on request.
 # begin measured
-RESIDENT: dict[Any, dict[str, dict[int, float]]] = {
+RESIDENT: dict[Real, dict[str, dict[int, float]]] = {
     np.float32: {
         "16x8x1h1": {1: 0.99, 4: 1.54},
         "8x8x1h1": {1: 1.18, 2: 1.21, 8: 1.58},
@@ -50,11 +50,11 @@ RESIDENT: dict[Any, dict[str, dict[int, float]]] = {
 # end measured
 # of `one-block` and `graph`: us per step at least, plus us per million masses; `one-block` in float64 estimated as
 # twice that
-ONE_BLOCK = {np.float32: (0.1, 1330.0), np.float64: (0.2, 2660.0)}
-GRAPH = {np.float32: (2.2, 18.6), np.float64: (3.2, 44.0)}
+ONE_BLOCK: dict[Real, tuple[float, float]] = {np.float32: (0.1, 1330.0), np.float64: (0.2, 2660.0)}
+GRAPH: dict[Real, tuple[float, float]] = {np.float32: (2.2, 18.6), np.float64: (3.2, 44.0)}
 
 
-def why_not_one_block(scene: Scene, real: Any, parts: frozenset[str], limits: tuple[int, int] | None = None) -> str:
+def why_not_one_block(scene: Scene, real: Real, parts: frozenset[str], limits: tuple[int, int] | None = None) -> str:
     """Return the reason why the kernel `one-block` cannot run the scene, or "". `limits`: of `device_limits`."""
     masses = scene.grid.particle_count
     if scene.method.integrator == "rk4":
@@ -79,7 +79,7 @@ def why_not_resident(scene: Scene, parts: frozenset[str]) -> str:
 
 
 def cloth_tiles_of(
-    rows: int, columns: int, real: Any, parts: frozenset[str], limits: tuple[int, int] | None = None
+    rows: int, columns: int, real: Real, parts: frozenset[str], limits: tuple[int, int] | None = None
 ) -> list[tuple[Tile, float | None]]:
     """Return (tile, us per step if measured) of the table's tiles that fit the sheet."""
     return measured_tiles(
@@ -91,7 +91,7 @@ def cloth_tiles_of(
 
 
 def choose_cloth(
-    scene: Scene, real: Any, parts: frozenset[str], limits: tuple[int, int] | None = None
+    scene: Scene, real: Real, parts: frozenset[str], limits: tuple[int, int] | None = None
 ) -> tuple[str, Tile | None, str]:
     """Return (kernel, tile, reason) for a cloth without a choice. `limits`: of `device_limits`."""
     rows, columns, masses = scene.grid.rows, scene.grid.columns, scene.grid.particle_count
@@ -107,14 +107,14 @@ def choose_cloth(
 
 
 def default_cloth_kernel(
-    scene: Scene, real: Any, parts: frozenset[str], limits: tuple[int, int] | None = None
+    scene: Scene, real: Real, parts: frozenset[str], limits: tuple[int, int] | None = None
 ) -> tuple[str, str]:
     """Return (kernel, reason) for a cloth without a choice."""
     kernel, _, why = choose_cloth(scene, real, parts, limits)
     return kernel, why
 
 
-def cloth_kernel(scene: Scene, real: Any, parts: frozenset[str], asked: str | None) -> str:
+def cloth_kernel(scene: Scene, real: Real, parts: frozenset[str], asked: str | None) -> str:
     """Return the requested kernel, without its tile, or the default. Raises SceneError for one that cannot run the
     scene."""
     if asked is None:
@@ -134,7 +134,7 @@ def cloth_kernel(scene: Scene, real: Any, parts: frozenset[str], asked: str | No
     return kernel
 
 
-def cloth_tile(scene: Scene, real: Any, parts: frozenset[str], kernel: str, asked: str | None) -> Tile | None:
+def cloth_tile(scene: Scene, real: Real, parts: frozenset[str], kernel: str, asked: str | None) -> Tile | None:
     """Return the tile of the kernel `resident`: the requested one, as in `resident:8x8x1h1`, or the table's. Raises
     SceneError."""
     if kernel != "resident":

@@ -9,7 +9,6 @@ make the same decision, and get the CPU's bits.
 from __future__ import annotations
 
 from functools import cache
-from typing import Any
 
 import numpy as np
 from numba import cuda
@@ -19,6 +18,7 @@ from softlab.gpu_backend.core.cooperative import Cooperative
 from softlab.gpu_backend.core.device import Arguments, simulated
 from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.meeting import barrier
+from softlab.gpu_backend.core.quad_simulation import QuadSimulation
 from softlab.gpu_backend.core.wind import air_now
 from softlab.gpu_backend.core.world import Cell, World
 from softlab.gpu_backend.mass_spring.cloth.implicit_point import (
@@ -241,7 +241,7 @@ class ImplicitSteps:
     """The steps of one simulation, a gpu_backend.mass_spring.cloth.solver.ClothMassSpring, and their arrays besides its
     state."""
 
-    def __init__(self, simulation: Any):
+    def __init__(self, simulation: QuadSimulation):
         self.simulation = simulation
         sim, real, body = simulation, simulation.real, simulation.body
         count = segments_of(body.rows, body.columns)

@@ -7,7 +7,7 @@ system.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -150,6 +150,6 @@ def finish(position, velocity, work, k, step, world):
     store_quad(velocity, k, vx, vy, vz, 0.0)
 
 
-def implicit_sums(parts: frozenset[str]) -> dict[str, Any]:
+def implicit_sums(parts: frozenset[str]) -> dict[str, object]:
     """Return the functions for the open names of this file."""
     return {f"{system}_sum": filled(spring_sum, pulls_of(parts, system)) for system in ("end", "product")}

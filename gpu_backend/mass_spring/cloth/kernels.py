@@ -7,8 +7,8 @@ With gusts, the air's velocity, which is the same for all masses, is computed by
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
-from typing import Any
 
 import numpy as np
 from numba import cuda
@@ -89,7 +89,7 @@ def make_cloth_passes(real: Real, math: str, integrator: str, parts: frozenset[s
     """
     variant = device_variant(real, math, cloth_features(integrator, parts))
 
-    def compiled(name: str, move: Any) -> Kernel:
+    def compiled(name: str, move: Callable) -> Kernel:
         kernel = of_scene(filled(cloth_pass, {"move": move}), integrator, parts)
         label = variant_name(real, math, integrator, parts, name)
         return kernels_of(variant, math, (kernel,), label).cloth_pass

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from math import prod
-from typing import Any
 
 import numpy as np
 
@@ -14,7 +13,7 @@ from softlab.gpu_backend.core.tiling import Tile, tile_count, why_no_block, why_
 from softlab.gpu_backend.mass_spring.cloth.resident import make_cloth_resident
 from softlab.gpu_backend.mass_spring.cloth.tiles import cloth_blocks_together
 from softlab.gpu_backend.mass_spring.cloth.tiling import fields, most_to_fetch, overlap_of, tile_bytes
-from softlab.gpu_backend.mass_spring.passes import TileLaunches
+from softlab.gpu_backend.mass_spring.passes import QuadPasses, TileLaunches
 from softlab.model.base.errors import SceneError
 from softlab.model.base.types import Real
 
@@ -51,7 +50,9 @@ def why_no_cloth_tile(
 class ClothTiles(TileLaunches):
     """The launches of `resident`, for gpu_backend/mass_spring/cloth/solver.py."""
 
-    def __init__(self, simulation: Any, kernel: str, tile: Tile):
+    simulation: QuadPasses
+
+    def __init__(self, simulation: QuadPasses, kernel: str, tile: Tile):
         super().__init__(simulation, kernel, tile)
         real, parts = simulation.real, simulation.plan.parts
         rows, columns = simulation.body.rows, simulation.body.columns
@@ -70,5 +71,5 @@ class ClothTiles(TileLaunches):
     def _arguments(self, number: int, passes: int) -> Arguments:
         s = self.simulation
         constants = (s.record, s.bodies, s.integers, s._counter)
-        border = (*self._borders, np.int32(self._epoch), self._failed)
+        border: Arguments = (*self._borders, np.int32(self._epoch), self._failed)
         return (*s.states(), *border, *constants, np.int64(passes), *s.shape)

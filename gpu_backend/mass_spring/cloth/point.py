@@ -9,13 +9,13 @@ the edges. Kernels are compiled for the parts of a scene: an absent part leaves 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
 from softlab.gpu_backend.core.forces import add_gravity, particle_features, with_forces
 from softlab.gpu_backend.core.quads import load_quad
 from softlab.gpu_backend.core.wind import wind_sum
+from softlab.model.base.types import Feature
 from softlab.model.base.variant import FEATURE, Open, filled, inlined_routine
 from softlab.model.contact.cloth_parameters import spring_constants
 from softlab.model.core.integrators import step_formula
@@ -149,13 +149,13 @@ def current_step(counter, pass_number):
     return NO_STEP
 
 
-def pulls_of(parts: frozenset[str], system: str = "") -> dict[str, Any]:
+def pulls_of(parts: frozenset[str], system: str = "") -> dict[str, Callable]:
     """Return the pulls of springs by their open names.
 
     `system`: of implicit Euler, `end` for pulls at the step's end, with the velocity there and the position without it;
     `product` for the product of its matrix with the vector in `velocity`.
     """
-    damper: Any = product_3d if system == "product" else damped_pull_3d
+    damper = product_3d if system == "product" else damped_pull_3d
     common = {"at_end": system == "end", "damper_pull": damper}
     pulls = {}
     for kind in SPRING_KINDS:
@@ -166,11 +166,11 @@ def pulls_of(parts: frozenset[str], system: str = "") -> dict[str, Any]:
     return pulls
 
 
-def of_scene(kernel: Callable, integrator: str, parts: frozenset[str]) -> Any:
+def of_scene(kernel: Callable, integrator: str, parts: frozenset[str]) -> Callable:
     """Return a kernel with the springs and forces of a scene and the formula of an integrator."""
     return with_forces(filled(kernel, {**pulls_of(parts), "one_force": step_formula(integrator)}), parts)
 
 
-def cloth_features(integrator: str, parts: frozenset[str]) -> dict[str, Any]:
+def cloth_features(integrator: str, parts: frozenset[str]) -> dict[str, Feature]:
     """Return the features of a cloth's kernels."""
     return {**sheet_features(integrator, parts), **particle_features(parts), "damped": True}

@@ -20,13 +20,12 @@ from __future__ import annotations
 
 from collections import namedtuple
 from functools import cache
-from typing import Any
 
 import numpy as np
 from numba import cuda
 
 from softlab.gpu_backend.core.blocks import PATIENCE, raise_flag, read_flag
-from softlab.gpu_backend.core.compile import kernel_options, make_kernel, variant_name
+from softlab.gpu_backend.core.compile import Kernel, kernel_options, make_kernel, variant_name
 from softlab.gpu_backend.core.device import ALIGNMENT, simulated
 from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.messages import pause, receive, send
@@ -50,6 +49,7 @@ from softlab.gpu_backend.mass_spring.cloth.tiles import (
     write,
 )
 from softlab.gpu_backend.mass_spring.tile_bits import bits_between
+from softlab.model.base.types import Real
 from softlab.model.base.variant import FEATURE, Open, filled, inlined_routine, real, routine, unrolled
 from softlab.model.contact.cloth_parameters import CLOTH_PARAMETERS
 
@@ -176,7 +176,7 @@ def cloth_resident(
 
 
 @cache
-def make_cloth_resident(real: Any, math: str, integrator: str, parts: frozenset[str], tile: Tile) -> Any:
+def make_cloth_resident(real: Real, math: str, integrator: str, parts: frozenset[str], tile: Tile) -> Kernel:
     """Compile kernel(position, velocity, new_position, new_velocity, border_position, border_velocity, epoch, failed,
     record, bodies, integers, counter, passes, rows, columns): `passes` passes of the whole sheet, from the old state to
     the new one.

@@ -8,15 +8,12 @@ Memory is allocated with plain allocations.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numba import cuda
 
 from softlab.gpu_backend.contact.pins import pin_marks
 from softlab.gpu_backend.core.device import Arguments, simulated
 from softlab.gpu_backend.core.launch import Graphs, prepare
-from softlab.gpu_backend.core.quad_simulation import QuadSimulation
 from softlab.gpu_backend.core.quads import SIZE
 from softlab.gpu_backend.core.sheet import BLOCK, make_cloth_tools
 from softlab.gpu_backend.mass_spring.cloth.block import block_bytes, block_threads, make_cloth_block
@@ -26,7 +23,7 @@ from softlab.gpu_backend.mass_spring.cloth.implicit import ImplicitSteps, implic
 from softlab.gpu_backend.mass_spring.cloth.kernels import make_cloth_passes, make_cloth_rk4_stages
 from softlab.gpu_backend.mass_spring.cloth.launch import ClothTiles
 from softlab.gpu_backend.mass_spring.cloth.stages import bind_cloth_stages
-from softlab.gpu_backend.mass_spring.passes import SheetPasses
+from softlab.gpu_backend.mass_spring.passes import QuadPasses
 from softlab.model.contact.cloth_parameters import body_rows, pin_velocity
 from softlab.model.core.integrators import IMPLICIT
 from softlab.model.core.plan import Executor
@@ -35,7 +32,7 @@ from softlab.model.mass_spring.cloth_plan import cloth_plan, kicks_coupled
 from softlab.model.scene.scene import Scene
 
 
-class ClothMassSpring(SheetPasses, QuadSimulation):
+class ClothMassSpring(QuadPasses):
     """The cloth on CUDA; model/core/simulation.py defines the contract. `threads` is the number of threads per block.
     `implicit`: further arrays of implicit Euler, else None."""
 
@@ -129,7 +126,7 @@ class ClothMassSpring(SheetPasses, QuadSimulation):
         if self.implicit is not None:
             self.implicit.renew()
 
-    def _pin_velocity(self, step: int) -> Any:
+    def _pin_velocity(self, step: int) -> np.ndarray | float:
         if "motion" not in self.plan.parts:
             return 0
         return pin_velocity(self._rows, self._first_pin, len(self.body.pinned), step, self._record)

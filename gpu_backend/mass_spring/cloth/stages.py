@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from numba import cuda
@@ -23,6 +22,7 @@ from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
 from softlab.gpu_backend.core.wind import block_air, wind_sum
 from softlab.gpu_backend.core.world import Cell, World
 from softlab.gpu_backend.mass_spring.cloth.point import cloth_features, damp, of_scene, spring_sum
+from softlab.gpu_backend.mass_spring.passes import QuadPasses
 from softlab.model.base.types import Real
 from softlab.model.base.variant import routine
 from softlab.model.core.plan import Moment, StageRun
@@ -188,7 +188,7 @@ def make_bound_stages(real: Real, math: str, integrator: str, parts: frozenset[s
     return _compiled(real, math, integrator, parts, collide, pins, moving_pins)
 
 
-def bind_cloth_stages(sim: Any) -> dict[str, StageRun]:
+def bind_cloth_stages(sim: QuadPasses) -> dict[str, StageRun]:
     """Return the function of each named stage of `sim`, a gpu_backend.mass_spring.cloth.solver.ClothMassSpring."""
     integrator = sim.scene.method.integrator
     variant = sim.real, sim.options.math, integrator, sim.plan.parts

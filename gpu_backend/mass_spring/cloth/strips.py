@@ -15,7 +15,7 @@ whether the compiler unrolls loops or not.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -47,25 +47,25 @@ structural, shear, bending = (
 class Window(NamedTuple):
     """Positions of a mass's neighbours."""
 
-    above: Any
-    below: Any
-    below_2: Any
-    left_above: Any
-    left: Any
-    left_below: Any
-    right_above: Any
-    right: Any
-    right_below: Any
+    above: tuple[float, ...]
+    below: tuple[float, ...]
+    below_2: tuple[float, ...]
+    left_above: tuple[float, ...]
+    left: tuple[float, ...]
+    left_below: tuple[float, ...]
+    right_above: tuple[float, ...]
+    right: tuple[float, ...]
+    right_below: tuple[float, ...]
 
 
 class Places(NamedTuple):
     """Places in a plane of a mass and of its neighbours in the row."""
 
-    here: Any
-    west: Any
-    east: Any
-    west_2: Any
-    east_2: Any
+    here: int
+    west: int
+    east: int
+    west_2: int
+    east_2: int
 
 
 class Strip(NamedTuple):
@@ -96,9 +96,9 @@ class Ups(NamedTuple):
     """Pulls on the masses at the upper ends of the springs to a mass from above, from two above, and to the next one from
     two above."""
 
-    above: Any
-    above_2: Any
-    next_above_2: Any
+    above: tuple[float, float, float]
+    above_2: tuple[float, float, float]
+    next_above_2: tuple[float, float, float]
 
 
 @inlined_routine
@@ -292,9 +292,9 @@ def step_strip(shared, old, new, place, masses, k, columns, moment):
     )  # fmt: skip
 
 
-def strip_functions(strip: int, parts: frozenset[str]) -> dict[str, Any]:
+def strip_functions(strip: int, parts: frozenset[str]) -> dict[str, object]:
     """Return the functions for the open names of this file, except `kick` and `publish`."""
-    functions: dict[str, Any] = {"first_mass": None}
+    functions: dict[str, object] = {"first_mass": None}
     for r in range(strip - 1, -1, -1):
         places = {"is_first": r == 0, "is_last": r == strip - 1, "is_near_last": r == strip - 2}
         functions["first_mass"] = filled(mass, {"number": r, "after": functions["first_mass"], **places})

@@ -4,7 +4,6 @@ writing (the partition: mass_spring/cloth/tiling.py; the steps: mass_spring/clot
 from __future__ import annotations
 
 from math import prod
-from typing import Any
 
 import numpy as np
 from numba import cuda
@@ -23,10 +22,11 @@ from softlab.gpu_backend.mass_spring.cloth.tiling import (
     tile_bytes,
 )
 from softlab.gpu_backend.mass_spring.tile_bits import bits_between, tile_features
+from softlab.model.base.types import Real
 from softlab.model.base.variant import FEATURE, inlined_routine
 
 
-def cloth_blocks_together(real: Any, tile: Tile, parts: frozenset[str]) -> int:
+def cloth_blocks_together(real: Real, tile: Tile, parts: frozenset[str]) -> int:
     """Return the number of blocks that should fit on a multiprocessor, with 128 registers a thread (in float64 all that
     a thread can have)."""
     return blocks_together(tile, tile_bytes(real, tile, parts), 128 if real is np.float32 else 256)

@@ -9,11 +9,10 @@ others at the end of a round.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from softlab.gpu_backend.core.tiling import Tile
+from softlab.model.base.types import Real
 
 AIRS = 8  # scalars: the air's velocity of this step and of the next
 
@@ -44,7 +43,7 @@ def fields(tile: Tile, parts: frozenset[str]) -> int:
     return 6 if needs_velocities(parts) or tile.halo > 1 else 3
 
 
-def tile_bytes(real: Any, tile: Tile, parts: frozenset[str]) -> int:
+def tile_bytes(real: Real, tile: Tile, parts: frozenset[str]) -> int:
     """Return the shared memory of a block [bytes]: two copies of its planes, and the air's velocity."""
     rows, columns = plane_shape(tile, parts)
     return (2 * fields(tile, parts) * rows * columns + AIRS) * np.dtype(real).itemsize

@@ -8,7 +8,6 @@ choice depends only on their ratios, so it suits other GPUs well enough.
 from __future__ import annotations
 
 from math import prod
-from typing import Any
 
 import numpy as np
 
@@ -18,12 +17,13 @@ from softlab.gpu_backend.core.tiling import MAX_THREADS, Tile, parsed_tile, why_
 from softlab.gpu_backend.mass_spring.grid.strips import shared_bytes
 from softlab.gpu_backend.mass_spring.grid.tile_launch import blocks_of, why_no_tile
 from softlab.gpu_backend.mass_spring.tile_choice import fastest, measured_tiles
+from softlab.model.base.types import Real
 from softlab.model.scene.scene import Scene
 
 # us per step of `resident` on a tile, by the blocks that share a multiprocessor; all run at once, so the grid's size
 # does not matter otherwise
 # begin measured
-RESIDENT = {
+RESIDENT: dict[Real, dict[str, dict[int, float]]] = {
     np.float32: {
         "32x8x4h10": {1: 0.56},
         "48x8x4h8": {1: 0.83},
@@ -37,12 +37,15 @@ RESIDENT = {
     },
 }
 # of `tiles`: the tile; us per step at least, plus us per million masses of all tiles together, halos included
-TILES = {np.float32: ("64x4x16h4", 1.4, 2.75), np.float64: ("64x4x8h4", 2.0, 4.91)}
+TILES: dict[Real, tuple[str, float, float]] = {
+    np.float32: ("64x4x16h4", 1.4, 2.75),
+    np.float64: ("64x4x8h4", 2.0, 4.91),
+}
 # end measured
 # of `one-block`: us per step at least, plus us per thousand masses
-ONE_BLOCK = {np.float32: (0.10, 0.33), np.float64: (0.15, 0.66)}
+ONE_BLOCK: dict[Real, tuple[float, float]] = {np.float32: (0.10, 0.33), np.float64: (0.15, 0.66)}
 # of `graph`: us per launch, plus us per million masses
-GRAPH = {np.float32: (1.35, 6.3), np.float64: (1.95, 12.5)}
+GRAPH: dict[Real, tuple[float, float]] = {np.float32: (1.35, 6.3), np.float64: (1.95, 12.5)}
 
 MEASURED_ON = "NVIDIA H200"
 MEASURED_LIMITS = (132, 227 << 10)  # its multiprocessors, and the bytes of shared memory that a block can have
@@ -64,7 +67,7 @@ def _halved(rows: int, strip: int) -> int:
 
 
 def _times(
-    rows: int, columns: int, real: Any, limits: tuple[int, int] | None = None
+    rows: int, columns: int, real: Real, limits: tuple[int, int] | None = None
 ) -> dict[tuple[str, Tile | None], float]:
     """Return the expected times of a step [us], for each kernel and tile that fits the grid, on this GPU or one of
     `limits` (multiprocessors, bytes of shared memory per block)."""
@@ -89,7 +92,7 @@ def _times(
     return times
 
 
-def default_kernel(scene: Scene, real: Any, limits: tuple[int, int] | None = None) -> tuple[str, Tile | None, str]:
+def default_kernel(scene: Scene, real: Real, limits: tuple[int, int] | None = None) -> tuple[str, Tile | None, str]:
     """Return (kernel, tile, reason) for a scene without a choice. `limits`: see `_times`; with MEASURED_LIMITS no GPU
     is needed."""
     if not can_capture():
@@ -101,12 +104,12 @@ def default_kernel(scene: Scene, real: Any, limits: tuple[int, int] | None = Non
     return fastest(_times(scene.grid.rows, scene.grid.columns, real, limits))
 
 
-def step_seconds(rows: int, columns: int, real: Any, limits: tuple[int, int]) -> float:
+def step_seconds(rows: int, columns: int, real: Real, limits: tuple[int, int]) -> float:
     """Return the expected time of a step of the fastest kernel [s]; `limits`: see `_times`."""
     return 1e-6 * min(_times(rows, columns, real, limits).values())
 
 
-def best_tile(kernel: str, rows: int, columns: int, real: Any) -> Tile | None:
+def best_tile(kernel: str, rows: int, columns: int, real: Real) -> Tile | None:
     """Return the tile for a kernel on tiles, or None if none fits."""
     if kernel == "tiles":
         return parsed_tile(TILES[real][0])

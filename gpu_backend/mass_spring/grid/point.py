@@ -9,12 +9,12 @@ instruction.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
 from softlab.gpu_backend.core.forces import particle_force, with_forces
 from softlab.gpu_backend.core.pairs import load_pair
+from softlab.model.base.types import Feature
 from softlab.model.base.variant import FEATURE, filled, inlined_routine, routine
 from softlab.model.core.integrators import step_formula
 from softlab.model.formulas.integrators import one_force, verlet_first_half, verlet_second_half
@@ -141,12 +141,12 @@ def middle_mass(k, ax, ay, p, v, parameters, integers, step):
     return px, py, vx, vy
 
 
-def of_scene(kernel: Callable, integrator: str, parts: frozenset[str]) -> Any:
+def of_scene(kernel: Callable, integrator: str, parts: frozenset[str]) -> Callable:
     """Return a kernel with the forces of a scene and the formula of an integrator."""
     return with_forces(filled(kernel, {"one_force": step_formula(integrator)}), parts)
 
 
-def grid_features(integrator: str, parts: frozenset[str]) -> dict[str, Any]:
+def grid_features(integrator: str, parts: frozenset[str]) -> dict[str, Feature]:
     """Return the features of a grid's kernels."""
     return {**sheet_features(integrator, parts), "axes": 2}
 

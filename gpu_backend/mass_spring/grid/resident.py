@@ -12,13 +12,12 @@ which they set after they had read border n.
 from __future__ import annotations
 
 from functools import cache
-from typing import Any
 
 import numpy as np
 from numba import cuda
 
 from softlab.gpu_backend.core.blocks import PATIENCE, load_fresh_pair, raise_flag, read_flag
-from softlab.gpu_backend.core.compile import kernel_options, make_kernel, variant_name
+from softlab.gpu_backend.core.compile import Kernel, kernel_options, make_kernel, variant_name
 from softlab.gpu_backend.core.device import ALIGNMENT
 from softlab.gpu_backend.core.pairs import store_pair
 from softlab.gpu_backend.core.tiling import Tile
@@ -34,6 +33,7 @@ from softlab.gpu_backend.mass_spring.grid.tiles import (
     write,
 )
 from softlab.gpu_backend.mass_spring.tile_bits import bits_between
+from softlab.model.base.types import Real
 from softlab.model.base.variant import FEATURE, inlined_routine, real, routine
 
 FLAG_STRIDE = 32  # int32 between two flags: a 128-byte line each, so that polling one does not slow another
@@ -131,7 +131,7 @@ def resident(
 
 
 @cache
-def make_resident(real: Any, math: str, integrator: str, parts: frozenset[str], tile: Tile, cut: bool) -> Any:
+def make_resident(real: Real, math: str, integrator: str, parts: frozenset[str], tile: Tile, cut: bool) -> Kernel:
     """Compile kernel(position, velocity, new_position, new_velocity, border_position, border_velocity, flags, epoch,
     failed, record, integers, counter, passes, pinned, rows, columns): `passes` steps of the whole grid, from the old
     state to the new one.

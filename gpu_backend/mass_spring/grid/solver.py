@@ -34,6 +34,8 @@ ON_TILES = ("one-block", "resident", "tiles")
 class MassSpring(SheetPasses):
     """The grid on CUDA; model/core/simulation.py defines the contract. `threads` is the number of threads per block."""
 
+    _tiles: TileLauncher | None = None
+
     def __init__(self, scene: Scene, options: Options):
         super().__init__(scene, options)
         self._choose_kernel()

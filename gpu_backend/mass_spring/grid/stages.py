@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from functools import cache
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 from numba import cuda
@@ -17,6 +16,7 @@ from softlab.gpu_backend.core.forces import particle_force, with_forces
 from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.world import Cell
 from softlab.gpu_backend.mass_spring.grid.point import grid_features, pair, spring_sum
+from softlab.gpu_backend.mass_spring.passes import SheetPasses
 from softlab.model.base.types import Real
 from softlab.model.base.variant import filled, routine
 from softlab.model.core.integrators import step_formula
@@ -152,7 +152,7 @@ def make_motion_stages(real: Real, math: str, integrator: str, parts: frozenset[
     return kernels_of(variant, math, kernels, variant_name(real, math, integrator, parts))
 
 
-def bind_stages(sim: Any) -> dict[str, StageRun]:
+def bind_stages(sim: SheetPasses) -> dict[str, StageRun]:
     """Return the function of each named stage of `sim`, a gpu_backend.mass_spring.grid.solver.MassSpring."""
     integrator = sim.scene.method.integrator
     variant = sim.real, sim.options.math, integrator, sim.plan.parts
@@ -164,7 +164,7 @@ def bind_stages(sim: Any) -> dict[str, StageRun]:
     stage_state = [sim.new_array() for _ in range(4)] if integrator == "rk4" else []
     shape = (np.int32(sim.body.rows), np.int32(sim.body.columns))
 
-    def bound(kernel: Any) -> StageRun:
+    def bound(kernel: Kernel) -> StageRun:
         return lambda moment: kernel[flat](sim.record, sim.integers, np.int64(moment.step), a)
 
     def accumulate(stage: int) -> StageRun:

@@ -11,7 +11,7 @@ tests/mass_spring/test_ptx.py checks that nothing is left in local memory.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from softlab.gpu_backend.core.device import simulated
 from softlab.gpu_backend.core.pairs import load_pair, store_pair
 from softlab.gpu_backend.core.tiling import Tile
 from softlab.gpu_backend.mass_spring.grid.point import pair
+from softlab.model.base.types import Real
 from softlab.model.base.variant import FEATURE, Open, inlined_routine
 from softlab.model.core.parameters import PARAMETERS
 from softlab.model.formulas.springs import spring_acceleration_2d
@@ -46,13 +47,13 @@ class StripState(NamedTuple):
     pinned: int
 
 
-def pair_type(real: Any) -> Any:
+def pair_type(real: Real) -> np.dtype | type:
     """Return the complex type of both axes, in the form for shared arrays."""
     pair = np.complex64 if real is np.float32 else np.complex128
     return np.dtype(pair) if simulated() else pair
 
 
-def shared_bytes(real: Any, tile: Tile) -> int:
+def shared_bytes(real: Real, tile: Tile) -> int:
     """Return the shared memory of a block [bytes]: two copies of the tile's positions. It is dynamic, with its size
     given at the launch: more than 48 KB are not available otherwise."""
     return 2 * tile.masses * 2 * np.dtype(real).itemsize

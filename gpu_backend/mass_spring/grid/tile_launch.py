@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from math import prod
-from typing import Any
 
 import numpy as np
 
-from softlab.gpu_backend.core.device import device_limits
+from softlab.gpu_backend.core.device import Arguments, Stream, device_limits
 from softlab.gpu_backend.core.launch import can_capture, prepare
 from softlab.gpu_backend.core.tiling import Tile, owned, tile_count, whole_strips, why_no_block, why_not_at_once
 from softlab.gpu_backend.mass_spring.bands import Bands, band_cuts
 from softlab.gpu_backend.mass_spring.grid.resident import FLAG_STRIDE, make_resident
 from softlab.gpu_backend.mass_spring.grid.strips import shared_bytes
 from softlab.gpu_backend.mass_spring.grid.tiles import grid_blocks_together, make_tile_pass
-from softlab.gpu_backend.mass_spring.passes import TileLaunches
+from softlab.gpu_backend.mass_spring.passes import SheetPasses, TileLaunches
 from softlab.model.base.errors import SceneError
+from softlab.model.base.types import Real
 
 
 def blocks_of(rows: int, columns: int, tile: Tile) -> tuple[int, int]:
@@ -24,7 +24,7 @@ def blocks_of(rows: int, columns: int, tile: Tile) -> tuple[int, int]:
 
 
 def why_no_tile(
-    kernel: str, rows: int, columns: int, real: Any, tile: Tile, limits: tuple[int, int] | None = None
+    kernel: str, rows: int, columns: int, real: Real, tile: Tile, limits: tuple[int, int] | None = None
 ) -> str:
     """Return the reason why a kernel on tiles cannot run a grid with this tile on this GPU, or on one of `limits` (see
     `device_limits`), or ""."""
@@ -45,7 +45,7 @@ def why_no_tile(
 class TileLauncher(TileLaunches):
     """The launches of `one-block`, `tiles` or `resident`, for gpu_backend/mass_spring/grid/solver.py."""
 
-    def __init__(self, simulation: Any, kernel: str, tile: Tile):
+    def __init__(self, simulation: SheetPasses, kernel: str, tile: Tile):
         super().__init__(simulation, kernel, tile)
         rows, columns = simulation.body.rows, simulation.body.columns
         if reason := why_no_tile(kernel, rows, columns, simulation.real, tile):
@@ -69,12 +69,12 @@ class TileLauncher(TileLaunches):
         prepare(self._kernel, self._arguments(0, 1), shared, cooperative=kernel == "resident")
         self._bands = self.bands() if kernel == "tiles" and can_capture() else None
 
-    def _arguments(self, number: int, passes: int, first: int = 0) -> tuple[Any, ...]:
+    def _arguments(self, number: int, passes: int, first: int = 0) -> Arguments:
         """Return the kernel's arguments; `first`: the row of tiles that a launch begins with."""
         s = self.simulation
         states, tail = s.states(), (np.int64(passes), s.pinned, *s.shape)
         if self.kernel == "resident":
-            border = (*self._borders, self._flags, np.int32(self._epoch), self._failed)
+            border: Arguments = (*self._borders, self._flags, np.int32(self._epoch), self._failed)
             return (*states, *border, s.record, s.integers, s._counter, *tail)
         place = np.int32(first), np.int32(self.tiles[1])
         return (*states, s.record, s.integers, s._counter, np.int64(number), *tail, *place)
@@ -120,7 +120,7 @@ class TileLauncher(TileLaunches):
         """Launch the kernel `tiles` as `launch`, band by band."""
         (across, _), threads, _, shared = self._grid
 
-        def one(first: int, end: int, stream: Any) -> None:
+        def one(first: int, end: int, stream: Stream) -> None:
             self._kernel[(across, end - first), threads, stream, shared](*self._arguments(number, passes, first))
 
         bands.each(one)

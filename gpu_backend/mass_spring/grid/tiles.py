@@ -12,13 +12,13 @@ Variants made of the same step of a tile (mass_spring/grid/strips.py):
 from __future__ import annotations
 
 from collections import namedtuple
+from collections.abc import Callable
 from functools import cache
-from typing import Any
 
 import numpy as np
 from numba import cuda
 
-from softlab.gpu_backend.core.compile import kernel_options, make_kernel, variant_name
+from softlab.gpu_backend.core.compile import Kernel, kernel_options, make_kernel, variant_name
 from softlab.gpu_backend.core.device import ALIGNMENT
 from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.pairs import load_pair, store_pair
@@ -35,6 +35,7 @@ from softlab.gpu_backend.mass_spring.grid.strips import (
     step_strip,
 )
 from softlab.gpu_backend.mass_spring.tile_bits import bits_between, tile_features
+from softlab.model.base.types import Real
 from softlab.model.base.variant import FEATURE, Open, Variant, filled, inlined_routine, real, routine, unrolled
 
 Values, NUMBERS = namedtuple("Values", ON_TILES), len(ON_TILES)
@@ -154,28 +155,28 @@ def tile_pass(
         write(new_position, new_velocity, np.int32(0), owned_rows, both, old, state, columns)
 
 
-def grid_blocks_together(real: Any, tile: Tile) -> int:
+def grid_blocks_together(real: Real, tile: Tile) -> int:
     """Return the number of blocks that should fit on a multiprocessor, with 64 registers a thread (128 in float64)."""
     return blocks_together(tile, shared_bytes(real, tile), 64 if real is np.float32 else 128)
 
 
 def on_tiles(
-    kernel: Any, real: Any, math: str, integrator: str, parts: frozenset[str], tile: Tile, cut: bool,
+    kernel: Callable, real: Real, math: str, integrator: str, parts: frozenset[str], tile: Tile, cut: bool,
     whole: bool = False,
-) -> tuple[Variant, Any]:  # fmt: skip
+) -> tuple[Variant, Callable]:  # fmt: skip
     """Return the variant of a kernel on tiles, and the kernel with its open names replaced."""
     features = {**grid_features(integrator, parts), **tile_features(tile), "cut": cut, "whole": whole}
     moves = moves_of(integrator, parts)
     runs = {name: filled(run_steps, {"move": move}) for name, move in moves.items() if name != "step"}
-    names = runs or {"middle": filled(run_steps, {"move": moves["step"]})}
+    names: dict[str, object] = {**runs} or {"middle": filled(run_steps, {"move": moves["step"]})}
     names |= {"pair_dtype": pair_type(real)}
     return device_variant(real, math, features), filled(kernel, names)
 
 
 @cache
 def make_tile_pass(
-    real: Any, math: str, integrator: str, parts: frozenset[str], tile: Tile, cut: bool, whole: bool = False
-) -> Any:
+    real: Real, math: str, integrator: str, parts: frozenset[str], tile: Tile, cut: bool, whole: bool = False
+) -> Kernel:
     """Compile kernel(position, velocity, new_position, new_velocity, record, integers, counter, pass_number, passes,
     pinned, rows, columns, first, count): `passes` (at most tile.halo) passes of some rows of tiles, from the old state
     to the new.

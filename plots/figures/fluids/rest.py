@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
+from typing import TYPE_CHECKING
 
 from softlab.bench.experiments.fluid_rest import (
     BOX,
@@ -23,6 +23,9 @@ from softlab.plots.core.backends import on_backends, sources_of
 from softlab.plots.core.colours import BLACK, BLUE, GREEN, ORANGE, PURPLE, VERMILLION
 from softlab.plots.core.data import Results, Source, needed
 from softlab.plots.core.style import LONG_LABEL, Drawing, as_figure, legend_below, new_grid, plain_ticks
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 COLOURS = dict(zip(SUBSTEPS, (BLUE, GREEN, ORANGE, VERMILLION, PURPLE), strict=True))
 LABELS = (("", "tank: rms / √(g H)"), ("", "tank: gain / g H"), ("time / s", "box: rms / √(g H)"))
@@ -79,5 +82,5 @@ def draw(results: Results) -> Drawing:
     return Drawing(figure, CAPTION, sources_of(chosen))
 
 
-def _line(ax: Any, points: Iterable[tuple[float, float]], colour: str) -> None:
+def _line(ax: Axes, points: Iterable[tuple[float, float]], colour: str) -> None:
     ax.plot(*zip(*sorted(points), strict=True), marker=".", markersize=3, linewidth=1, color=colour)

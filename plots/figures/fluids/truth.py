@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING
 
 from softlab.bench.experiments.fluid_truth import laws
 from softlab.bench.experiments.fluid_truth.rows import Judged, rows
@@ -10,7 +10,10 @@ from softlab.bench.experiments.fluid_truth.scenes import DAM, DAM_EFFORTS, TANK,
 from softlab.plots.core.backends import name_of, on_backends, sources_of
 from softlab.plots.core.colours import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, VERMILLION
 from softlab.plots.core.data import Results, Source, needed
-from softlab.plots.core.style import Drawing, as_figure, legend_below, new_figure, plain_ticks
+from softlab.plots.core.style import Drawing, PointStyle, as_figure, legend_below, new_figure, plain_ticks
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 # scheme -> colour, marker; others take the next of OTHERS
 COLOURS = {"macklin": (BLUE, "o"), "averaged": (ORANGE, "s")}
@@ -92,7 +95,7 @@ def draw(results: Results) -> Drawing:
     return Drawing(figure, CAPTION, sources_of(chosen))
 
 
-def _line(ax: Any, points: list[tuple[float, float]], line: str, colour: str, marker: str, inside: str) -> None:
+def _line(ax: Axes, points: list[tuple[float, float]], line: str, colour: str, marker: str, inside: str) -> None:
     if points:
-        style = {"marker": marker, "markersize": 5, "markerfacecolor": inside}
+        style: PointStyle = {"marker": marker, "markersize": 5, "markerfacecolor": inside}
         ax.plot(*zip(*points, strict=True), linestyle=line or "none", color=colour, **style)

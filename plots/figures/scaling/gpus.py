@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING
 
 from softlab.bench.experiments.scaling.experiment import BY_TURNS, Scaling, speedups, weak_efficiencies
 from softlab.bench.measure.case_timing import Row
@@ -12,6 +12,9 @@ from softlab.plots.core.backends import timed
 from softlab.plots.core.colours import BLUE, GREY, ORANGE, PURPLE, VERMILLION
 from softlab.plots.core.data import Results, Source, needed
 from softlab.plots.core.style import LONG_LABEL, Drawing, as_figure, legend_below, log_axes, new_figure
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 LINKS = {"flags": (BLUE, "o"), "nccl": (ORANGE, "s")}
 PER_MILLION = 1e9  # mJ per million mass-steps over J per mass-step
@@ -62,7 +65,7 @@ def draw(results: Results) -> Drawing:
     return Drawing(figure, caption, (source,))
 
 
-def _draw_faster(ax: Any, measured: Sequence[Row]) -> None:
+def _draw_faster(ax: Axes, measured: Sequence[Row]) -> None:
     over_one, weak = speedups(measured), weak_efficiencies(measured)
     counts = sorted({p.gpus for p in measured} - {1})
     for gpus in counts:
