@@ -20,6 +20,7 @@ from rich.console import Console
 from typer.core import TyperGroup
 
 from softlab.app.command.console import Output
+from softlab.app.command.help_values import name_values
 from softlab.model.base.errors import SoftlabError, on_command_line, shown
 from softlab.model.domains.launched import launched_rank
 
@@ -85,7 +86,7 @@ RENAMED = {"crowds": "throughput"}  # former names of commands
 
 
 class Commands(TyperGroup):
-    """The sub-commands, also by their former names.
+    """The sub-commands, also by their former names; `--help` names the values of their options.
 
     Ctrl-C and a closed reader reach `exit_status` unchanged: typer would turn them into exit statuses that depend on
     its version (1 or 130, and always 1).
@@ -94,7 +95,15 @@ class Commands(TyperGroup):
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         if cmd_name in RENAMED:
             errors.print(f"softlab {cmd_name} was renamed: use softlab {RENAMED[cmd_name]}")
-        return super().get_command(ctx, RENAMED.get(cmd_name, cmd_name))
+        command = super().get_command(ctx, RENAMED.get(cmd_name, cmd_name))
+        if command is not None:
+            name_values(command.get_params(ctx), command.callback)
+        return command
+
+    def get_params(self, ctx: Any) -> Any:
+        parameters = super().get_params(ctx)
+        name_values(parameters, None)
+        return parameters
 
     def invoke(self, ctx: Any) -> object:
         try:
