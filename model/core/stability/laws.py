@@ -154,7 +154,7 @@ LIMITS: tuple[Limit, ...] = (
         note=lambda scene: "averaged-jacobi loses momentum; jacobi and gauss-seidel conserve it",
     ),
     Limit(
-        "averaged corrections", "angular momentum", _averages,
+        "averaged corrections with a lever", "angular momentum", _averages,
         "lost as linear momentum is, times the lever arm", "docs/method/positions.md, orderings", part=1.0,
     ),
     Limit(
@@ -164,13 +164,13 @@ LIMITS: tuple[Limit, ...] = (
         part=1.0,
     ),
     Limit(
-        "averaged corrections", "energy", lambda scene: _averages(scene) and scene.method.solver == "xpbd",
+        "displacements without energy", "energy", lambda scene: _averages(scene) and scene.method.solver == "xpbd",
         "the energy may double within ten steps: displacements are not the gradient of an energy",
         "docs/method/positions.md, orderings",
         part=1.0,
     ),
     Limit(
-        "averaged corrections", "limit", lambda scene: _averages(scene) and scene.method.solver == "xpbd",
+        "averaged stiffness", "limit", lambda scene: _averages(scene) and scene.method.solver == "xpbd",
         "iterations converge to another stiffness, so a part of the first residual remains",
         "docs/method/positions.md, orderings", part=1.0,
     ),
@@ -182,7 +182,7 @@ LIMITS: tuple[Limit, ...] = (
         "goal|^2 / 2 has (1 - b)^2", part=0.25,
     ),
     Limit(
-        "linear goals", "limit", _is_linear,
+        "limit of linear goals", "limit", _is_linear,
         "iterations converge to a balance of these forces, which differ by as much from the slope of the reported energy",
         "as for the force", part=0.25,
     ),
