@@ -40,8 +40,8 @@ def friction_is_ordered(part: RubbingPart) -> RubbingPart:
 class Grid(Part):
     """N rows x M columns of point masses, row 0 on top, at rest at (column * spacing, -row * spacing).
 
-    The hand-out counts quadrilateral elements: its N x M elements are (N + 1) x (M + 1) masses here. `pinned` names rows or columns at its
-    borders, or `every:K`, every K-th mass of the top row, or a list of masses [row, column].
+    The hand-out counts quadrilateral elements: its N x M elements are (N + 1) x (M + 1) masses here. `pinned` names rows
+    or columns at its borders, or `every:K`, every K-th mass of the top row, or a list of masses [row, column].
     """
 
     rows: Count  # masses
