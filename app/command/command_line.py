@@ -13,7 +13,7 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 import typer
 from rich.console import Console
@@ -82,6 +82,7 @@ class _Left(Exception):
     """An exception that ended a command; typer passes it on unchanged."""
 
 
+Click: TypeAlias = Any  # an object of click or of typer's copy of it, which depends on typer's version
 RENAMED = {"crowds": "throughput"}  # former names of commands
 
 
@@ -92,7 +93,7 @@ class Commands(TyperGroup):
     its version (1 or 130, and always 1).
     """
 
-    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+    def get_command(self, ctx: Click, cmd_name: str) -> Click:
         if cmd_name in RENAMED:
             errors.print(f"softlab {cmd_name} was renamed: use softlab {RENAMED[cmd_name]}")
         command = super().get_command(ctx, RENAMED.get(cmd_name, cmd_name))
@@ -100,12 +101,12 @@ class Commands(TyperGroup):
             name_values(command.get_params(ctx), command.callback)
         return command
 
-    def get_params(self, ctx: Any) -> Any:
+    def get_params(self, ctx: Click) -> Click:
         parameters = super().get_params(ctx)
         name_values(parameters, None)
         return parameters
 
-    def invoke(self, ctx: Any) -> object:
+    def invoke(self, ctx: Click) -> object:
         try:
             return super().invoke(ctx)
         except (KeyboardInterrupt, BrokenPipeError) as error:
@@ -162,7 +163,7 @@ def report_error(line: str, status: int) -> int:
     return status
 
 
-def usage_line(error: Any) -> str:
+def usage_line(error: Click) -> str:
     """Return the error in a command line, in one line."""
     known = sys.argv[1:2] if sys.argv[1:2] and not sys.argv[1].startswith("-") else []
     command = error.ctx.command_path if getattr(error, "ctx", None) else " ".join(["softlab", *known])
@@ -185,7 +186,7 @@ def _wrong_option(error: object) -> tuple[str, str] | None:
     return None
 
 
-def usage_status(error: Any) -> int:
+def usage_status(error: Click) -> int:
     """Print an error message about the command line and return the exit status; without words, the help was printed."""
     status = int(error.exit_code)
     return report_error(usage_line(error), status) if error.format_message() else status
