@@ -126,8 +126,8 @@ def scene_error(part: str, error: ValidationError, kind: type[Part]) -> SceneErr
     if first["type"] == "too_long" or (first["type"] == "missing" and isinstance(first["loc"][-1], int)):
         return _count_error(part, complaints, first)
     if first["type"] == "missing":
-        within = _kind_within(kind, first["loc"][:-1])
-        note = notes_of(within).get(location[-1]) or _choices(within, location[-1])
+        place, name = first["loc"][:-1], location[-1]
+        note = notes_of(_kind_within(kind, place)).get(name) or _choices(_kind_within(kind, place), name)
         return SceneError(".".join([part, *location]), None, f"must be given{f' ({note})' if note else ''}")
     if first["type"] == "extra_forbidden":
         known = list(_kind_within(kind, first["loc"][:-1]).model_fields)
