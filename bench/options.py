@@ -38,7 +38,7 @@ Workers = Annotated[
 Sbatch = Annotated[
     list[str] | None,
     typer.Option(
-        metavar="NAME=VALUE", help="With --cluster slurm: an option of its jobs, as partition=gpu. Repeatable."
+        metavar="NAME=VALUE", help="With --cluster slurm: an option of its jobs, e.g. partition=gpu. Repeatable."
     ),
 ]
 Time = Annotated[float | None, typer.Option(help="Simulated seconds until the error is measured (default 1.5).")]

@@ -18,7 +18,7 @@ from softlab.app.command.command_line import (
 
 telling = typer.Typer()
 
-Folder = Annotated[Path, typer.Option("--out", help="Folder for the figures.")]
+Folder = Annotated[Path, typer.Option("--out", metavar="FOLDER", help="Folder for the figures.")]
 DEFAULT_FIGURES = Path("softlab-results") / "figures"
 DEFAULT_BOOK = Path("softlab-results") / "labbook.pdf"
 DEFAULT_FILM = Path("softlab-results") / "film.mp4"

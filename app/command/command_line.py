@@ -13,13 +13,14 @@ import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 import typer
 from rich.console import Console
 from typer.core import TyperGroup
 
 from softlab.app.command.console import Output
+from softlab.app.command.help_values import name_values
 from softlab.model.base.errors import SoftlabError, on_command_line, shown
 from softlab.model.domains.launched import launched_rank
 
@@ -81,22 +82,31 @@ class _Left(Exception):
     """An exception that ended a command; typer passes it on unchanged."""
 
 
+Click: TypeAlias = Any  # an object of click or of typer's copy of it, which depends on typer's version
 RENAMED = {"crowds": "throughput"}  # former names of commands
 
 
 class Commands(TyperGroup):
-    """The sub-commands, also by their former names.
+    """The sub-commands, also by their former names; `--help` names the values of their options.
 
     Ctrl-C and a closed reader reach `exit_status` unchanged: typer would turn them into exit statuses that depend on
     its version (1 or 130, and always 1).
     """
 
-    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+    def get_command(self, ctx: Click, cmd_name: str) -> Click:
         if cmd_name in RENAMED:
             errors.print(f"softlab {cmd_name} was renamed: use softlab {RENAMED[cmd_name]}")
-        return super().get_command(ctx, RENAMED.get(cmd_name, cmd_name))
+        command = super().get_command(ctx, RENAMED.get(cmd_name, cmd_name))
+        if command is not None:
+            name_values(command.get_params(ctx), command.callback)
+        return command
 
-    def invoke(self, ctx: Any) -> object:
+    def get_params(self, ctx: Click) -> Click:
+        parameters = super().get_params(ctx)
+        name_values(parameters, None)
+        return parameters
+
+    def invoke(self, ctx: Click) -> object:
         try:
             return super().invoke(ctx)
         except (KeyboardInterrupt, BrokenPipeError) as error:
@@ -153,7 +163,7 @@ def report_error(line: str, status: int) -> int:
     return status
 
 
-def usage_line(error: Any) -> str:
+def usage_line(error: Click) -> str:
     """Return the error in a command line, in one line."""
     known = sys.argv[1:2] if sys.argv[1:2] and not sys.argv[1].startswith("-") else []
     command = error.ctx.command_path if getattr(error, "ctx", None) else " ".join(["softlab", *known])
@@ -176,7 +186,7 @@ def _wrong_option(error: object) -> tuple[str, str] | None:
     return None
 
 
-def usage_status(error: Any) -> int:
+def usage_status(error: Click) -> int:
     """Print an error message about the command line and return the exit status; without words, the help was printed."""
     status = int(error.exit_code)
     return report_error(usage_line(error), status) if error.format_message() else status

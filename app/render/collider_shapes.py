@@ -35,7 +35,7 @@ class Mesh:
 
     @property
     def turns(self) -> bool:
-        """True if the mesh does more than move."""
+        """True if the mesh rotates."""
         return bool(self.spin.any())
 
     def rotated(self, time: float) -> tuple[np.ndarray, np.ndarray]:

@@ -67,7 +67,7 @@ class Life:
             raise KeyboardInterrupt
 
     def report(self, doing: str | None = None) -> None:
-        """Write the status with `doing`."""
+        """Write the status of this worker. `doing`: what it does now, None: the same as before."""
         with self._writing, suppress(OSError):  # the thread notices if the folder is gone
             self.status.doing = self.status.doing if doing is None else doing
             self.folder.write_status(self.status)

@@ -137,9 +137,8 @@ class Asked:
         )  # fmt: skip
 
     def grids(self, usual: Iterable[int] | None = None) -> list[Scene]:
-        """Return the scene in every size, smallest first; `usual`: squares if none were requested (None: as in
-        `shapes`).
-        """
+        """Return the scene in every requested size, smallest first. If none was requested: squares of the `usual` sizes,
+        or with None those of `shapes`."""
         base = self.scene if isinstance(self.scene, Scene) else load_scene(self.scene)
         planned = shapes(self.quick, self.sizes if self.sizes is not None else usual)
         return [base.replace({"grid.rows": rows, "grid.columns": columns}) for rows, columns in planned]

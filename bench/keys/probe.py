@@ -36,7 +36,7 @@ def load_tools() -> None:
 
 
 def lab(module: str) -> ModuleType:
-    """A module of a checkout, whose layers may be top-level packages."""
+    """Import a module of a checkout; in older ones the layers are top-level packages."""
     packed = (Path(sys.path[0]) / "softlab" / "__init__.py").is_file()
     return importlib.import_module(f"softlab.{module}" if packed else module)
 

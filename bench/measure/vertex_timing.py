@@ -34,9 +34,10 @@ MOVED = 200  # steps from the start to the state that is sent: a cloth that hang
 
 
 def vertex_groups(effort: Effort, most: int | None = None) -> list[Group]:
-    """Return groups (through the host, straight) of cloths of several sizes and both precisions, only sent and also drawn.
+    """Return the groups to time: cloths of several sizes in both precisions, whose vertices are sent to OpenGL through the
+    host and directly, without and with drawing.
 
-    Empty where nothing can be drawn off-screen, or without a GPU. `most`: largest number of masses a side.
+    Empty without a GPU, or if nothing can be drawn off-screen. `most`: largest number of masses per side.
     """
     if gpu_simulated() or not opengl_available(text=False)[0]:
         return []

@@ -27,8 +27,8 @@ COMMIT = "SOFTLAB_COMMIT"  # environment variable: the revision of a copy that h
 
 @dataclass(frozen=True)
 class Version:
-    """`commit`: the revision, `+` added where files differed from it, None where unknown; `cpu`, `gpu`: the digests of the
-    backends' sources, None in the records of earlier labs."""
+    """Version of the code: `commit`, the revision, with a `+` if files differed from it, None if unknown; `cpu` and
+    `gpu`, the digests of the backends' sources, None in the records of earlier labs."""
 
     commit: str | None
     cpu: str | None = None

@@ -1,4 +1,4 @@
-"""The hard cases: rows B1 to B24 of the lab's collection and F1 to F9, as scenes with a law that each must satisfy.
+"""The hard cases: rows B1 to B24 of the lab's collection and F1 to F10, as scenes with a law that each must satisfy.
 
 Cases of the mass-spring grid and cloth have a scene in the catalogue under `hard/` and a law in laws.py, numbers.py,
 stiff.py, cloth.py or xpbd.py here. Cases of bodies are in body_cases.py, of tetrahedra in tetrahedral_cases.py, of

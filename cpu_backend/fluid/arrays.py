@@ -68,8 +68,8 @@ class Table(NamedTuple):
 
 
 class Lists(NamedTuple):
-    """Numbers of neighbours of particles, the largest of each slice, neighbours by slices; per band neighbours lost, then
-    velocities slowed."""
+    """Neighbour lists: the number of neighbours of each particle, the largest number in each slice, the neighbours by
+    slices, and counts: first the neighbours lost in each band, then the velocities that were limited in each."""
 
     neighbours: np.ndarray
     longest: np.ndarray

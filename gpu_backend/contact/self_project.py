@@ -159,7 +159,7 @@ def rubbed(k, corners, position, before, n, w, masses_of, parameters, path, impu
 
 @routine
 def lever(rubbing, place):
-    """Return the further displacement of the corner place % 3 of contact place // 3."""
+    """Return the displacement by friction of the corner place % 3 of contact place // 3."""
     slot, corner = place // 3, place % 3
     if corner == 0:
         s, t = load_quad(rubbing, QUADS * slot), load_quad(rubbing, QUADS * slot + 1)

@@ -34,8 +34,9 @@ CHUNKS = (16, 4, 2)  # cycles per graph: even, so that buffers are back in place
 class FlagExchange(Exchange):
     """Exchange by flags (see Exchange). `windows`: simulations, window k on GPU `devices[k]`.
 
-    For each border the receiver's GPU has an inbox, flags, and the number of exchanges it took, the sender's the number
-    its blocks sent; for each window its GPU has a flag of failed exchanges. `alone`: true if each has its own GPU.
+    For each border, the GPU of the receiver has an inbox, flags, and the number of exchanges that it received; the GPU of
+    the sender has the number that each of its blocks sent. The GPU of each window has a flag of failed exchanges.
+    `alone`: True if each window has its own GPU.
     """
 
     def __init__(self, windows: Sequence[CudaSimulation], decomposition: Decomposition, devices: Sequence[int]):

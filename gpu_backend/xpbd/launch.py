@@ -47,7 +47,7 @@ class BlockLauncher:
 
 
 class TiledLauncher:
-    """Launches of `tiled`: one substep, from the current buffers into the others."""
+    """Launches of the kernel `tiled`: one substep each, from the current buffers into the others."""
 
     def __init__(self, simulation: Any, choice: Choice):
         assert choice.tile is not None

@@ -1,4 +1,4 @@
-"""Sentences of the lab book on every backend (`Sentence` of bench/measure/declaration.py), those of experiments too."""
+"""Claims from declared sentences (`Sentence` of bench/measure/declaration.py): one sentence about each backend."""
 
 from __future__ import annotations
 

@@ -39,7 +39,7 @@ OVERLAPPING = "parts of the mesh overlap one another, or cross themselves: what 
 
 
 class RigidBody(Part):
-    """A body of one rigid cluster, sampled from a closed mesh.
+    """A body of particles that are sampled from a closed mesh.
 
     `volume_sampling`: 0, nothing inside; 1, a lattice of the particle spacing; above 1, gaps are filled from a lattice
     that many times finer. `surface_sampling`: candidates on the surface per square of the spacing; 0, none. Give either

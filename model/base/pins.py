@@ -6,6 +6,8 @@ import re
 
 import numpy as np
 
+from softlab.model.base.words import suggestion
+
 PIN_WORDS = ("none", "top", "bottom", "left", "right", "top-bottom", "left-right", "top-corners", "edges")
 PIN_RULE = f"{', '.join(PIN_WORDS)}, every:K (of the top row, K >= 1) or a list [[row, column], ...]"
 
@@ -17,17 +19,17 @@ def checked_pins(value: object) -> Pins:
     """Return `value` as Pins. Raises ValueError for values that are neither a word nor a list of pairs of integers."""
     if isinstance(value, str):
         if value not in PIN_WORDS and not re.fullmatch(r"every:([1-9][0-9]{0,9})", value):
-            raise ValueError(PIN_RULE)
+            raise ValueError(f"must be one of {PIN_RULE}{suggestion(value, PIN_WORDS)}")
         return value
     if not isinstance(value, list | tuple):
-        raise ValueError(PIN_RULE)
+        raise ValueError(f"must be one of {PIN_RULE}")
     for pair in value:
         if (
             not isinstance(pair, list | tuple)
             or len(pair) != 2
             or not all(isinstance(k, int) and not isinstance(k, bool) for k in pair)
         ):
-            raise ValueError(PIN_RULE)
+            raise ValueError(f"must be one of {PIN_RULE}")
     return [(pair[0], pair[1]) for pair in value]
 
 

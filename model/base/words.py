@@ -7,7 +7,7 @@ import inspect
 import re
 from collections.abc import Iterable
 from functools import cache
-from typing import get_args, get_origin
+from typing import Literal, get_args, get_origin
 
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
@@ -112,6 +112,12 @@ def _field(place: tuple[int | str, ...]) -> list[str]:
     return [str(step) for step in place if not str(step).startswith("tuple[")]
 
 
+def _choices(kind: type[Part], name: str) -> str:
+    """Return the words that a field may be, or "" if it is no choice among words."""
+    field = kind.model_fields[name].annotation if name in kind.model_fields else None
+    return ", ".join(map(str, get_args(field))) if get_origin(field) is Literal else ""
+
+
 def scene_error(part: str, error: ValidationError, kind: type[Part]) -> SceneError:
     """Return the first complaint of pydantic as an error of a scene."""
     complaints = error.errors(include_url=False)  # a misspelt key explains the missing one
@@ -120,7 +126,8 @@ def scene_error(part: str, error: ValidationError, kind: type[Part]) -> SceneErr
     if first["type"] == "too_long" or (first["type"] == "missing" and isinstance(first["loc"][-1], int)):
         return _count_error(part, complaints, first)
     if first["type"] == "missing":
-        note = notes_of(_kind_within(kind, first["loc"][:-1])).get(location[-1])
+        place, name = first["loc"][:-1], location[-1]
+        note = notes_of(_kind_within(kind, place)).get(name) or _choices(_kind_within(kind, place), name)
         return SceneError(".".join([part, *location]), None, f"must be given{f' ({note})' if note else ''}")
     if first["type"] == "extra_forbidden":
         known = list(_kind_within(kind, first["loc"][:-1]).model_fields)

@@ -52,7 +52,7 @@ def _model_of(body_set: TetrahedraSet, attachment: Attachment) -> str:
 
 
 def attachment_projections(parts: frozenset[str], iterated: bool, constants: tuple[str, str, str]) -> list[Projection]:
-    """Return the projections of attachments in a scene of such parts."""
+    """Return the projections of the kinds of attachments that are among `parts`."""
     return [
         Projection(
             f"{KIND}_{model}", formula, corners, formula.COUNTS[corners], formula.MULTIPLIERS, soft=iterated,

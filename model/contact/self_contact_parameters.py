@@ -32,7 +32,7 @@ SEARCHED = 3.0  # cells of space, in each direction: masses that move farther in
 
 def cell_size(scene: Scene) -> float:
     """Return the edge of the cells of space [m]: twice the search distance of a mass at rest, so that it searches at
-    most eight."""
+    most eight cells."""
     assert scene.self_collision is not None
     thickness = scene.self_collision.thickness
     return 2 * (scene.grid.spacing * 0.75 + thickness * (1 + MARGIN))  # half a cell's diagonal: 0.71 spacings

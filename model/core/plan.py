@@ -102,8 +102,8 @@ class Plan:
         return sum(stage.operations for stage in self.root.stages())
 
     def bytes(self, item: int) -> int:
-        """Return the bytes per particle and step that one fused pass moves, `item` bytes per scalar: 32 for float32,
-        one force."""
+        """Return the bytes per particle and step that one fused pass moves, at `item` bytes per scalar. With one force in
+        two dimensions and float32 they are 32."""
         return self.dimensions * item * self.fused_scalars
 
     @cached_property

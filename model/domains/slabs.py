@@ -43,7 +43,7 @@ class Slabs:
         return beyond & (along < high) if slab + 1 < self.count else beyond
 
     def contained(self, along: np.ndarray, slab: int) -> np.ndarray:
-        """Return which coordinates are in a slab or its halo, (n,) bool; NaN counts to every slab."""
+        """Return which coordinates are in a slab or its halo, (n,) bool; NaN counts as inside every slab."""
         low, high = self.ends(slab)
         return ~((along < low - self.halo) | (along > high + self.halo))
 

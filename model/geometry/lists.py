@@ -22,7 +22,7 @@ class Lists:
 
     @property
     def lengths(self) -> np.ndarray:
-        """Return (lists,) int32."""
+        """Return the number of entries of each list, (lists,) int32."""
         return np.diff(self.offsets)
 
 

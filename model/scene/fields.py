@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import inspect
+import re
 from dataclasses import dataclass
 from typing import Literal, get_args, get_origin
 
@@ -48,7 +50,13 @@ def about(kind: str) -> str:
     part = kind_named(kind)
     untold = (Part, MeshSource, *TABLES.values())
     owners = [part, *(owner for owner in part.__mro__[1:] if issubclass(owner, Part) and owner not in untold)]
-    return " ".join(" ".join((owner.__doc__ or "").split()) for owner in owners)
+    return "\n\n".join(_unwrapped(owner.__doc__ or "") for owner in owners)
+
+
+def _unwrapped(docstring: str) -> str:
+    """Return a docstring with one line for each paragraph and each item of a list."""
+    paragraphs = [re.split(r"\n(?=- )", text) for text in inspect.cleandoc(docstring).split("\n\n")]
+    return "\n\n".join("\n".join(" ".join(item.split()) for item in items) for items in paragraphs)
 
 
 def rows_of(kind: str) -> list[Row]:
@@ -270,24 +278,23 @@ def document() -> str:
     lines = [
         "# Scene files",
         "",
-        "A TOML file: `title`, and tables. A table is of the kind that it is called by, or that its `kind` says, so that",
-        'a scene can have several of a kind: `[ball]` with `kind = "sphere"`. SI units. What is left out has the default; a',
-        "table that is not there is not simulated. `softlab scenes --fields wind` prints one of these on the terminal; this",
-        "page is made by `model/scene/fields.py`, and a test holds it to the code. Scenes to begin with, in",
-        "`model/catalogue/`: `lab-grid.toml` (a grid), `cloth-sphere.toml`, `cloth-xpbd.toml`, `jelly-drop.toml` (bodies).",
+        "A scene file is a TOML file with a `title` and tables. The name of a table is its kind. To have several tables of a",
+        'kind, give them other names and a `kind`: `[ball]` with `kind = "sphere"`. Units are SI units. A field that is left',
+        "out has its default; a table that is left out is not simulated. `softlab scenes --fields wind` prints one of the",
+        "tables below. To begin, copy a scene from `model/catalogue/`: `lab-grid.toml` (a grid), `cloth-sphere.toml` or",
+        "`cloth-xpbd.toml` (cloth), `jelly-drop.toml` (bodies). `model/scene/fields.py` writes this page from the code.",
         "",
         "| kinds | what for |",
         "|---|---|",
         "| grid, springs, damping, gravity, external, perturbation, method | masses in a plane |",
         "| cloth, structural, shear, bending, wind, motion, fold, load, attachments, self_collision | masses in space |",
-        "| mesh, volume | a cloth of triangles, and what fills a closed one |",
-        "| plane, tank, sphere, capsule, box, mesh_collider, distance_field | what masses cannot enter |",
-        "| soft_body, soft_sheet, soft_lattice, rigid_body, contact | bodies; shape: the lab's own |",
-        "| fluid, emitter, sink, domain, foam | fluids by particles, where they come from and end, a box whose sides "
-        "repeat, spray and foam as points |",
-        "| tetrahedral_body, region, material, attachment | bodies of Young's modulus and Poisson's ratio |",
-        "| release | pins that let go at a time, of masses, of cloths and of tetrahedral bodies |",
-        "| camera | where pictures are taken from; changes nothing of what is simulated |",
+        "| mesh, volume | a cloth of triangles, and a filling of a closed one that preserves its volume |",
+        "| plane, tank, sphere, capsule, box, mesh_collider, distance_field | colliders |",
+        "| soft_body, soft_sheet, soft_lattice, rigid_body, contact | soft and rigid bodies of particles |",
+        "| fluid, emitter, sink, domain, foam | fluids of particles, sources and sinks, a periodic box, spray and foam |",
+        "| tetrahedral_body, region, material, attachment | bodies of tetrahedra, with Young's modulus and Poisson's ratio |",
+        "| release | pins that are released at a given time |",
+        "| camera | the view of pictures and clips; no effect on the simulation |",
     ]
     for kind in TABLES:
         lines += ["", f"## {kind}", about(kind), "", "| field | default | allowed | |", "|---|---|---|---|"]

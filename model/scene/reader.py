@@ -16,6 +16,7 @@ from softlab.model.base.table import Table, Tables
 from softlab.model.base.words import suggestion
 from softlab.model.geometry.mesh_files import FORMATS
 from softlab.model.geometry.topology import bundled_meshes, is_file
+from softlab.model.scene.toml_errors import plain_error
 from softlab.model.tables.bodies import BODY_KINDS
 from softlab.model.tables.cloth import SURFACE_KINDS
 from softlab.model.tables.tetrahedra import TETRAHEDRAL_KINDS
@@ -58,12 +59,13 @@ def scene_tables(name_or_path: str | Path) -> tuple[Table, str]:
     try:
         data = tables_of(written)
     except ValueError as error:
+        reason = plain_error(written, error) if isinstance(error, tomllib.TOMLDecodeError) else error
         mesh = (
             f"; to use a mesh as a cloth, write a scene file with [mesh] file = {Path(text).name!r}"
             if Path(text).suffix in FORMATS
             else ""
         )
-        raise InputError(f"{text} is not TOML: {error}{mesh}") from None
+        raise InputError(f"{text} is not TOML: {reason}{mesh}") from None
     return with_meshes(data, path.parent), text if text in known else path.stem
 
 

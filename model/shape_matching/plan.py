@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from softlab.model.base.errors import InputError
 from softlab.model.contact.particle_parameters import contact_parts, rigid_parts
 from softlab.model.contact.sheet_plan import Stages, cloth_parts
+from softlab.model.core.own_forces import particle_forces, particle_forces_change
 from softlab.model.core.plan import Plan, Stage
 from softlab.model.formulas import distance, particle_contact
 from softlab.model.formulas.shape_matching import cluster, couple, deformation, lattice, pace, rebound, rigid
@@ -28,8 +30,14 @@ def body_parts(scene: Scene, live: frozenset[str] = frozenset()) -> frozenset[st
     spare = {"spare"} if any(copy.waits for copy in (body_set.whole or body_set).copies) else set()
     lattices = {"lattices"} if body_set.lattices else set()
     couples = {"couples"} if scene.contact and scene.contact.static_friction > 0 and has_turning(scene) else set()
+    parts = window_parts(scene, live)
+    if particle_forces_change(parts):
+        names = ", ".join(force.part for force in particle_forces(parts) if force.changes)
+        raise InputError(
+            f"the kernels of bodies do not know the step: {names} is not available for shape matching of bodies"
+        )
     return (
-        window_parts(scene, live)
+        parts
         | body_set.alike.loose.parts
         | contact_parts(scene)
         | rigid_parts(scene)

@@ -14,9 +14,9 @@ from softlab.model.scene.scene import Scene
 
 
 def waiting(scene: Scene, inverse_mass: np.ndarray) -> np.ndarray | None:
-    """Return the particles of inactive copies by these inverse masses [1/kg], both (particles,).
+    """Return which particles belong to inactive copies, (particles,) bool: their `inverse_mass` [1/kg] is 0.
 
-    None where they are not those of the scene's particles, with all or none of a copy's equal to 0.
+    None if the inverse masses are not those of the scene, or 0 for only a part of a copy.
     """
     body_set, waits = scene.body_set, inverse_mass == 0
     known = np.where(waits, 0.0, 1 / body_set.clusters.mass)
@@ -25,8 +25,8 @@ def waiting(scene: Scene, inverse_mass: np.ndarray) -> np.ndarray | None:
 
 
 def weights(scene: Scene, parts: frozenset[str], inverse_mass: np.ndarray) -> np.ndarray:
-    """Return the inverse masses [1/kg] with the inactive particles of `inverse_mass`. Raises InputError where anything
-    else differs."""
+    """Return the inverse masses [1/kg] with the inactive particles of `inverse_mass`. Raises InputError if others
+    differ."""
     waits = waiting(scene, inverse_mass) if "spare" in parts else None
     if waits is None:
         raise InputError("inverse_mass differs from the scene's; give the scene the same masses and pins")

@@ -24,25 +24,32 @@ SHORTEST, LONGEST = 1e-150, 1e150  # s: the squares of steps must be float64 num
 
 
 class Method(Part):
-    """The solver of a scene.
+    """The solver of a scene, and its settings.
 
-    `mass-spring` adds up forces and integrates. `xpbd` and `pbd` move masses until constraints are satisfied: a step is
-    `substeps` substeps of dt / substeps, each with `iterations` over all constraints in an `ordering`. In `pbd` every
-    projection removes the fraction `pbd_stiffness` of a stretch, whatever the springs' stiffness: after n iterations 1
-    - (1 - pbd_stiffness)^n of it, so that the material changes with iterations, substeps and dt. `shape-matching` moves
-    masses towards the goals of windows of the grid, 2 `region` + 1 masses wide and high, that match their rest shape
-    rigidly. Tetrahedra are two scalar `rows` each, or `blocks`, which converge to implicit Euler; `vbd` descends vertex
-    by vertex, `iterations` times over all, accelerated by Chebyshev's weights where `chebyshev`, the factor by which a
-    sweep reduces the slowest error, is over 0; and `newton` solves implicit Euler to the end, in at most `iterations`
-    Newton steps, or with `order` 2 each of two such stages of a substep, which hardly damp an oscillation. `pbf`
-    conserves the density of fluids: with the `scheme` macklin a substep's pressure grows over its iterations, each with
-    the factor `relaxation`; averaged divides corrections by the lattice's number of neighbours and lets a fluid sink
-    together; divergence-free (DFSPH) conserves it by velocities, with `iterations` for their divergence and as many for
-    the predicted density. For fluids, also in a world, `dt` is 1/60 s by default, with 4 `substeps` of 10 `iterations`.
-    `world`: parts of several families, each by its own solver (bodies shape-matching; `tetrahedra` xpbd, or vbd where
-    no mesh is beside them; a mesh xpbd; fluids pbf) in common substeps and iterations. The default `substeps` of bodies
-    are those in which none sinks into a collider by more than 1 % of its spacing, at most 100; under xpbd, and in a
-    world without a fluid, at least 20.
+    A step of dt has `substeps` of equal length, each with `iterations` over all constraints (`mass-spring` has neither).
+
+    - `mass-spring` adds up forces and integrates them with an `integrator`.
+    - `xpbd` and `pbd` move masses until constraints are satisfied, in an `ordering`. With `pbd` each projection removes
+      the fraction `pbd_stiffness` of a stretch, whatever the stiffness of the spring: 1 - (1 - pbd_stiffness)^n of it
+      after n iterations. So the material depends on iterations, substeps and dt.
+    - `shape-matching` moves masses towards goals: each window of the grid, 2 `region` + 1 masses wide and high, is
+      matched rigidly by its shape at rest.
+    - `xpbd` for tetrahedra has two scalar `rows` per tetrahedron, or `blocks`, which converge to implicit Euler.
+    - `vbd` (vertex block descent, for tetrahedra) moves one vertex after another, `iterations` times all of them. A
+      `chebyshev` above 0, the factor by which a sweep reduces the slowest error, accelerates it by Chebyshev's weights.
+    - `newton` (for tetrahedra) solves implicit Euler to the end, in at most `iterations` Newton steps. With `order` 2 a
+      substep has two such stages, and oscillations are hardly damped.
+    - `pbf` conserves the density of fluids by a `scheme`. With macklin the pressure of a substep grows over its
+      iterations, each with the factor `relaxation`. With averaged, corrections are divided by the number of neighbours
+      in the lattice, so that a fluid sinks as a whole. divergence-free (DFSPH) conserves the density by velocities, with
+      `iterations` for their divergence and as many for the predicted density.
+    - `world` contains parts of several families, each with its own solver, in common substeps and iterations: bodies
+      with shape-matching, meshes with xpbd, fluids with pbf, and tetrahedra with the solver `tetrahedra`: xpbd, or vbd in
+      a scene without a mesh.
+
+    By default a scene with a fluid has dt = 1/60 s, 4 substeps and 10 iterations. Bodies have so many substeps that none
+    sinks into a collider by more than 1 % of its spacing, but at most 100, and at least 20 under xpbd and in a world without
+    a fluid.
     """
 
     solver: SolverName = "mass-spring"

@@ -40,8 +40,8 @@ def friction_is_ordered(part: RubbingPart) -> RubbingPart:
 class Grid(Part):
     """N rows x M columns of point masses, row 0 on top, at rest at (column * spacing, -row * spacing).
 
-    The hand-out counts quadrilateral elements: its N x M elements are (N + 1) x (M + 1) masses here. Pinned are
-    rows or columns at its borders, or `every:K`, each K-th mass of the top row, or the masses [row, column] of a list.
+    The hand-out counts quadrilateral elements: its N x M elements are (N + 1) x (M + 1) masses here. `pinned` names rows
+    or columns at its borders, or `every:K`, every K-th mass of the top row, or a list of masses [row, column].
     """
 
     rows: Count  # masses
@@ -143,8 +143,8 @@ class Elastic(Part):
 class Springs(Elastic):
     """A spring to each of the up to four neighbours: force = stiffness * (length - rest_length) along it.
 
-    Every second spring along a row and down a column, whose lower end has an odd column, or row, is `stiffness_ratio`
-    times as stiff; with 1 all are equal, and the field is omitted where the scene is written.
+    With a `stiffness_ratio` other than 1, every second spring of a row or column is that many times as stiff: those
+    that begin at an odd column or row.
     """
 
     rest_length: NotNegative = 1.0  # m, whatever grid.spacing is

@@ -72,8 +72,8 @@ class Springs:
 
     @property
     def pairs(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return (row, column, block) (n,) int64 of the blocks that springs add to a matrix of 3 x 3 blocks: PAIRS are
-        stored for each."""
+        """Return (row, column, index in `blocks`), (n,) int64 each, of the blocks that springs add to a matrix of 3 x 3
+        blocks."""
         wide, many = self.corners.astype(np.int64), len(self.corners)
         row, column = np.repeat(wide, CORNERS, axis=1), np.tile(wide, (1, CORNERS))
         block = np.arange(many * PAIRS, dtype=np.int64).reshape(many, PAIRS)

@@ -40,7 +40,7 @@ def kind_of(bar: Bar) -> str:
 
 
 def middle(measured: Sequence[Bar]) -> list[Bar]:
-    """Return the bars of the mesh with most settings, the smaller one of several."""
+    """Return the bars of the mesh with the most settings; of several such meshes, of the smallest."""
     sizes = [bar.elements for bar in measured]
     chosen = max(set(sizes), key=lambda size: (sizes.count(size), -size), default=0)
     return [bar for bar in measured if bar.elements == chosen]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import sqlite3
 import sys
 from pathlib import Path
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from typer.main import get_command
 
 from softlab import cli
 
@@ -147,6 +149,15 @@ def test_a_divergence_is_reported_and_the_last_good_state_kept(command, tmp_path
 def test_what_only_tells(command, name: str) -> None:
     outcome = command(name)
     assert outcome.status == 0 and outcome.out
+
+
+def test_help_names_values_and_prints_no_types(command) -> None:
+    for name in ("", *get_command(cli.app).commands):  # type: ignore[attr-defined]
+        text = command(f"{name} --help").out
+        assert not re.search(r"<(bool|str|int|float|path|list)|\{\w", text.replace("{frame:04d}", "")), text
+    run = command("run --help").out
+    assert all(re.search(rf"--{line}\b", run) for line in (r"steps +N", r"time +NUMBER", r"out +FILE", r"math +MATH"))
+    assert "run [OPTIONS] SCENE " in run
 
 
 def test_a_version_is_told(command) -> None:

@@ -59,7 +59,7 @@ def without_colliders(row: Row) -> str:
 def unsteady(row: Row) -> str:
     """Why it does not lie on a collider."""
     if row.bare.fluids or (row.bare.is_world and row.bare.members.get("fluid")):
-        return "a fluid spreads on an open floor; its rest in a tank is measured below"
+        return "a fluid spreads on an open floor; [fluids at rest](#fluids-at-rest) has its rest in a tank"
     if row.bare.method.order == 2 and row.solver == "newton":
         return "the scheme refuses colliders"
     return without_colliders(row)
@@ -75,22 +75,22 @@ def of_rest(row: Row) -> Words:
 def without_energy(row: Row) -> str:
     """Why no energy can be asked for."""
     if row.solver == "pbd":
-        return "pbd has no stiffness: what it does to a stretch depends on iterations and dt (docs/method/positions.md)"
+        return "pbd has no stiffness: its response to a stretch depends on iterations and dt (docs/method/positions.md)"
     return ""
 
 
 def without_gradient(row: Row) -> str:
     """Why no force can be held against an energy."""
     if row.bare.fluids or (row.bare.is_world and row.bare.members.get("fluid")):
-        return "the density constraint of a fluid is rigid and one-sided: it stores nothing, and no energy is reported"
+        return "the density constraint of a fluid is rigid and one-sided: it stores no energy"
     if row.name == "rigid_body":
-        return "a rigid body stores nothing"
+        return "a rigid body stores no energy"
     return without_energy(row)
 
 
 def without_damper(row: Row) -> str:
     """Why a row has no damping of its material."""
-    return "" if row.damper else "the material has no damping; a [damping] table slows a fall and a turn by definition"
+    return "" if row.damper else "the material has no damping (a `[damping]` table slows falls and turns by definition)"
 
 
 def of_symmetry(row: Row) -> Words:
@@ -103,7 +103,7 @@ def of_symmetry(row: Row) -> Words:
 
 def alone(row: Row) -> str:
     """Why a row has no bystanders."""
-    return "a scene has one sheet" if has_sheet(row) else ""
+    return "a scene has only one sheet" if has_sheet(row) else ""
 
 
 def without_live_stiffness(row: Row) -> str:
@@ -111,20 +111,20 @@ def without_live_stiffness(row: Row) -> str:
     if row.solver == "pbd":
         return "pbd has no stiffness"
     if not ("springs" in row.tables or "structural" in row.tables) or row.family == "world":
-        return "the material of this family is fixed while it runs"
+        return "the material cannot be changed during a run"
     return ""
 
 
 def without_implicit_limit(row: Row) -> str:
     """Why iterations have no limit to go to."""
     if row.solver == "mass-spring" and not row.bare.method.integrator.startswith("implicit-euler"):
-        return "explicit: there is nothing to iterate"
+        return "an explicit integrator has no iterations"
     if row.bare.fluids or "fluid" in getattr(row.bare, "members", {}):
-        return "an inequality without energy: its density error is measured instead (softlab fluids --truth)"
+        return "the density constraint is an inequality without energy; `softlab fluids --truth` measures its error"
     if row.name == "rigid_body":
-        return "one projection is exact"
+        return "a single projection is exact"
     if row.bare.method.order == 2:
-        return "a substep is two solves; what they lead to is its own (tests/finite_elements/test_newton_order.py)"
+        return "a substep has two solves and is no implicit Euler step (tests/finite_elements/test_newton_order.py)"
     return without_energy(row)
 
 
@@ -141,14 +141,14 @@ def without_slope(row: Row) -> str:
 def without_rebound(row: Row) -> str:
     """Why it does not land flat, all at once."""
     if row.bare.tetrahedra or row.family == "world" or "volume" in row.tables:
-        return "a body with an inside stores part of an impact and gives it back"
+        return "a body with an interior stores a part of an impact and releases it"
     return unsteady(row)
 
 
 LAWS = (
     Law("rest", "Rest stays at rest", "x(t) = x(0), v = 0", cases=of_rest),
     Law(
-        "fall", "Free fall and straight flight", "y = -g h^2 n(n+1)/2 without strain; x = v t, also while dt changes",
+        "fall", "Free fall and straight flight", "y = -g h^2 n(n+1)/2 without strain; x = v t, also if dt changes",
         cases=lambda row: ("fall", "flight", "flight while dt changes"),
     ),
     Law("momentum", "Linear momentum", "sum m v is constant"),
@@ -156,7 +156,7 @@ LAWS = (
     Law("force", "Force is -grad of the reported energy", "m a = -dE/dx", absent=without_gradient, resolved=False),
     Law("energy", "No energy without a source", "E(t) <= E(0)", absent=without_energy),
     Law(
-        "damping", "A material's damping slows neither a fall nor a turn", "y and L as without it",
+        "damping", "A material's damping slows neither a fall nor a turn", "height and angular momentum as without damping",
         absent=without_damper, cases=lambda row: ("fall", "turn"),
     ),
     Law(
@@ -167,21 +167,21 @@ LAWS = (
         "similarity", "The same bits in other units of length, time and mass", "powers of two: x -> a x, same mantissas",
         cases=lambda row: ("length", "time", "mass"), precise=False,
     ),
-    Law("far", "The same motion far from the origin", "error of ulps of the coordinate"),
-    Law("bystanders", "Bystanders keep every bit", "bodies that meet nothing do not change", absent=alone, precise=False),
+    Law("far", "The same motion far from the origin", "error of a few units in the last place of the coordinate"),
+    Law("bystanders", "Bodies without contacts are independent", "another body changes no bit", absent=alone, precise=False),
     Law("trace", "Save, load, reset, add and remove leave no trace", "same bits", cases=of_trace, precise=False),
     Law(
-        "live", "A stiffness changed live keeps position and velocity", "x, v continuous; |x' - x - h v| <= h^2 a",
+        "live", "A change of stiffness during a run keeps position and velocity", "x, v continuous; |x' - x - h v| <= h^2 a",
         absent=without_live_stiffness,
     ),
     Law(
         "limit", "Iterations lead to the implicit solution", "M (x - y)/h^2 + grad E -> 0",
         absent=without_implicit_limit, resolved=False,
     ),
-    Law("friction", "Coulomb's cone", "|p_t| <= mu p_n; slides: |p_t| = mu_d p_n", absent=without_slope,
+    Law("friction", "Coulomb's cone", "|p_t| <= mu p_n; sliding: |p_t| = mu_d p_n", absent=without_slope,
         cases=lambda row: ("slides", "sticks")),
     Law(
-        "rebound", "Restitution", "v' = e v, so heights e^2; e = 0: none", absent=without_rebound,
+        "rebound", "Restitution", "v' = e v, so heights are e^2 times as large; none for e = 0", absent=without_rebound,
         cases=lambda row: ("0", "0.5", "1"),
     ),
 )  # fmt: skip

@@ -22,14 +22,19 @@ from softlab.model.core.stability.laws import LIMITS  # noqa: E402
 PAGE = ROOT / "docs" / "limits.md"
 HEAD = """# Which laws each solver keeps
 
-Every solver of the lab is tested against the laws of mechanics by the tests in `tests/laws`: a table of small scenes, one for
-each family, solver, integrator, material and scheme, against one test body a law. This page is written from that table
-(`python -m tests.laws.limits_page`), and a test fails where it is out of date. *kept*: to rounding, or within the tolerance
-that the test derives, in float64 and float32. A number: the scheme cannot keep the law; its own law or bound stands below,
-with its source, and the test holds the solver to that. A letter: the law does not apply, for the reason below. What is not
-modelled, refused or not tested at all stands [at the end](#outside-these-limits).
+This page says which laws of mechanics each solver of the lab obeys. The tests in `tests/laws` check them on small scenes: one
+scene for each family, solver, integrator, material and scheme, and one test for each law, in float64 and float32. The page is
+written from the tables of these tests by `python -m tests.laws.limits_page`; a test fails if it is out of date.
+
+In the [matrix](#matrix),
+
+- *kept* means that the solver obeys the law to rounding, or within the tolerance that the test derives;
+- a number means that the scheme cannot obey the law. The test then checks the [bound](#bounds) of that number;
+- a letter means that the law [does not apply](#not-applicable).
+
+The [last section](#outside-these-limits) lists what is not modelled, refused, or not tested.
 """
-FAULTY = "**fault**: the solver breaks the law today, and should not."
+FAULTY = "**fault**: the solver breaks the law today although it should not."
 
 
 def fault(law: Law, row: Row) -> Fault | None:
@@ -62,7 +67,7 @@ def page() -> str:
         limit = limit_of(law.name, row)
         return f"[{LIMITS.index(limit) + 1}](#bounds)" if limit else "kept"
 
-    lines = [HEAD, "## Laws", "", "| law | equation | asked as |", "| --- | --- | --- |"]
+    lines = [HEAD, "## Laws", "", "| law | equation | cases |", "| --- | --- | --- |"]
     for law in LAWS:
         cases = list(dict.fromkeys(case for row in ALL if not law.absent(row) for case in law.cases(row) if case))
         lines.append(in_cells(law.title, law.equation, ", ".join(cases)))
@@ -73,15 +78,15 @@ def page() -> str:
         for row in (one for one in ALL if one.family == family):
             lines.append(f"| {row.name} | " + " | ".join(cell(law, row) for law in LAWS) + " |")
         lines.append("")
-    lines += ["## Bounds", "", "| | law | the scheme's own | source |", "| --- | --- | --- | --- |"]
+    lines += ["## Bounds", "", "| | law | bound | source |", "| --- | --- | --- | --- |"]
     for number, limit in enumerate(LIMITS, start=1):
         lines.append(in_cells(str(number), limit.law, f"{limit.name}: {limit.bound}", limit.source))
-    lines += ["", "## Measured beside the laws", "", "| of | measured or derived | source |", "| --- | --- | --- |"]
+    lines += ["", "## Other limits", "", "| solvers | measured or derived | source |", "| --- | --- | --- |"]
     lines += [in_cells(one.subject, one.text, one.source) for one in REMARKS]
     lines += ["", *fluids_at_rest.lines()]
     lines += ["", "## Not applicable", "", *(f"- **{letter}**: {reason}." for reason, letter in reasons.items())]
     refused = [f"{one} {two}" for one, two in REFUSED]
-    lines += ["", f"Combinations that a scene refuses, so that they have no row: {', '.join(refused)}."]
+    lines += ["", f"Combinations that a scene refuses have no row: {', '.join(refused)}."]
     lines += ["", *boundaries.lines()]
     if faults:
         lines += ["", "## Faults", "", FAULTY, "", *(f"- **{number}**: {reason}." for reason, number in faults.items())]

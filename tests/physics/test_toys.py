@@ -16,6 +16,11 @@ import toy_constraint
 import toy_force
 import toy_integrator
 
+from softlab.model.base.errors import InputError
+from softlab.model.core import own_forces
+from softlab.model.scene.scene import Scene
+from softlab.model.shape_matching.plan import body_parts
+
 ROOT = Path(__file__).parents[2]
 KERNELS = 4  # both backends, the kernel of their choice and stage by stage
 pytestmark = pytest.mark.skipif(
@@ -48,6 +53,16 @@ def test_one_entry_and_every_solver_has_it() -> None:
     far = toy_force.LEAN * toy_force.DT**2 * toy_force.STEPS * (toy_force.STEPS + 1) / 2
     for run in results_of(toy_force, len(toy_force.SCENES)):
         assert (run["least"], run["most"]) == pytest.approx((far, far), rel=1e-5) and run["aside"] <= 1e-6 * far, run
+
+
+def test_a_force_that_changes_with_the_step_is_refused_by_bodies(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Their kernels pass 0 as the number of the step."""
+    changing = own_forces.OwnForce(
+        "lean", "lean", lambda scene, live: True, toy_force.lean, ("lean",), toy_force.values, "lean", changes=True
+    )
+    monkeypatch.setattr(own_forces, "PARTICLE_FORCES", (*own_forces.PARTICLE_FORCES, changing))
+    with pytest.raises(InputError, match="do not know the step: lean"):
+        body_parts(Scene(toy_force.SCENES["body"]))
 
 
 def test_a_constraint_limits_stretches_alone() -> None:

@@ -284,6 +284,9 @@ BAR_HELD_BY_A_WORD = {"kind": "tetrahedral_body", "shape": {"name": "beam"}, "pi
 @pytest.mark.parametrize(
     ("table", "words"),
     [
+        ({"kind": "soft_body", "particle_spacing": 0.1, "shape": {"sides": 0.4}}, "name: must be given (star, torus, "),
+        ({"kind": "cloth", "rows": 2, "columns": 2, "pinned": "lef"}, "must be one of none, top,"),
+        ({"kind": "cloth", "rows": 2, "columns": 2, "pinned": "lef"}, "(did you mean left?)"),
         (BAR_HELD_BY_A_WORD, "part.pinned = 'right': must be a list of words, such as [\"right\"]"),
         (BOX_OF_A_NUMBER, "part.shape.sides = 0.4: must be a list of three numbers, such as [0.4, 0.4, 0.4]"),
         ({"kind": "soft_body", "particle_spacing": 0.1, "sides": 0.4}, "did you mean part.shape.sides?"),

@@ -76,10 +76,11 @@ void main() {
 SOLID = """
 uniform sampler2D others;   // the depth of the picture without the fluid, as OpenGL keeps it
 uniform vec2 planes;        // m: near, far
-float solid() {
-    float other = 2.0 * texelFetch(others, ivec2(gl_FragCoord.xy), 0).r - 1.0;
+float solid_at(ivec2 p) {
+    float other = 2.0 * texelFetch(others, p, 0).r - 1.0;
     return 2.0 * planes.x * planes.y / (planes.y + planes.x - other * (planes.y - planes.x));
 }
+float solid() { return solid_at(ivec2(gl_FragCoord.xy)); }
 """
 
 # Summed over the particles behind a pixel that nothing hides: how long the line of sight is inside, and what that takes of
@@ -162,13 +163,24 @@ vec3 sky(vec3 way) {
     float up = way.y;
     return up > 0.0 ? mix(horizon, zenith, pow(up, 0.5)) : mix(horizon, floor_colour, min(-4.0 * up, 1.0));
 }
+ivec2 open_side(ivec2 p, float far) {  // the neighbour beyond the edge of a solid that hides the fluid at p, or p
+    for (int k = 0; k < 4; k++) {
+        ivec2 way = k < 2 ? ivec2(2 * k - 1, 0) : ivec2(0, 2 * k - 5);
+        if (at(p + way) > 0.0 && solid_at(p + way) > far && solid_at(p - way) <= far) return p + way;
+    }
+    return p;
+}
 void main() {
-    ivec2 p = ivec2(gl_FragCoord.xy);
-    float far = at(p);
+    ivec2 p = ivec2(gl_FragCoord.xy), open = p;
+    float far = at(p), part = 1.0;
     if (far <= 0.0) discard;
-    if (far > solid()) discard;
+    if (far > solid()) {        // samples of a pixel at a solid's edge are half of the solid, half of what is behind
+        open = open_side(p, far);
+        if (open == p) discard;
+        part = 0.5;
+    }
     vec3 here = seen(gl_FragCoord.xy, far), n = normal_at(gl_FragCoord.xy, here), look = -normalize(here);
-    vec4 inside = texelFetch(thickness, p, 0);
+    vec4 inside = texelFetch(thickness, open, 0);
     float facing = clamp(dot(n, look), 0.0, 1.0);
     float reflected = 0.02 + 0.98 * pow(1.0 - facing, 5.0);
     vec2 aside = gl_FragCoord.xy - bend * n.xy * min(inside.a, far) * focal / far;
@@ -178,8 +190,9 @@ void main() {
     vec3 own = exp(-OPAQUE * inside.rgb / max(max(inside.r, max(inside.g, inside.b)), 1e-9));  // the colour that is left most
     through += SCATTER * bright * own * (1.0 - exp(-inside.rgb));  // part of what does not come through
     vec3 shown = mix(through, sky(mirrored), reflected) + 0.7 * sun;
-    float cover = texelFetch(outline, p, 0).g * clamp((solid() - far) / edge, 0.0, 1.0);
-    pixel = vec4(mix(texelFetch(behind, p, 0).rgb, shown, cover), 1.0);
+    float cover = part * texelFetch(outline, open, 0).g * clamp((solid_at(open) - far) / edge, 0.0, 1.0);
+    vec3 beside = mix(texelFetch(behind, p, 0).rgb, texelFetch(behind, 2 * p - open, 0).rgb, cover);
+    pixel = vec4(mix(beside, shown, cover), 1.0);
 }
 """.replace("OPAQUE", "2.0").replace("SCATTER", "0.95")
 )

@@ -54,7 +54,8 @@ def squares_stress(gradient: np.ndarray, mu: np.ndarray, lam: np.ndarray) -> np.
 
 
 class NewtonTetrahedra(Newton):
-    """A `solver` of Newton; `substeps` per frame, None: the fewest stable ones; `iterations`: None if it has none."""
+    """Bars of tetrahedra by a `solver` of Newton, with `substeps` per frame (None: the fewest that are stable) and
+    `iterations` (None for a solver without iterations)."""
 
     scenes = tuple(BARS)
 

@@ -95,8 +95,8 @@ class Contacts:
         """Return the changes of velocity [m/s] after which particles in contact at `now` separate by the restitution.
 
         All contacts act at once. `old`: velocities at the beginning of the substep. `scale` (particles, 3): the largest
-        factor of the particle's impulses, and the required and the resulting energy of its body. Two `rigid`
-        (particles,) ones separate no faster than that, or than before, because they were pushed apart.
+        factor of the particle's impulses, and the required and the resulting energy of its body. `rigid` (particles,):
+        two rigid particles that contacts pushed apart separate no faster than by the restitution, or than before.
         """
         i, j = self.pairs.T
         d = now[i] - now[j]

@@ -59,7 +59,7 @@ def initial_strain(points, values):
 
 @formula
 def damping(f, before, values, rate):
-    """Return (N, the moduli mu and lambda of Hooke's law at rest), times V tau / h."""
+    """Return the damper's stress N by Hooke's law in Green's strain, and its moduli mu and lambda, all times V tau / h."""
     mu, lame = 0.5 * values[9], values[10]
     if FEATURE.material == HOOKEAN:
         mu, lame = values[9], values[10] - values[9]

@@ -74,7 +74,8 @@ EPS = OfPrecision(lambda real: np.finfo(real).eps)
 
 @formula
 def after_looking(phase, halvings, energy, trial, noise, fraction, slope):
-    """Return (next pass, energy, fraction, halvings)"""
+    """Return (next pass, energy, fraction of the step, halvings so far) when the energy `trial` of a trial step is
+    known."""
     if phase == BEHIND:
         return ACCEPT, trial, fraction, halvings
     if phase == BEFORE:

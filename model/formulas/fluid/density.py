@@ -189,8 +189,8 @@ def rate(density, other):
 
 @formula
 def joined_density(total, density):
-    """Sum of the walls so far and one more, less their overlap in a corner: m + n (1 - m) of the larger one m and
-    the smaller one n, or m where it exceeds 1."""
+    """Sum of the densities of walls so far (`total`) and of one more, less their overlap in a corner: m + n (1 - m), where
+    m is the larger and n the smaller one, or m if m exceeds 1."""
     larger = max(total, density)
     return larger + min(total, density) * max(1.0 - larger, 0.0)
 
