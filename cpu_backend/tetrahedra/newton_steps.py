@@ -39,6 +39,7 @@ from softlab.model.formulas.elastic.newton import (
     CORRECT,
     ENERGIES,
     EVALUATIONS,
+    FACTOR,
     FINISH,
     MATRICES,
     MOVE,
@@ -50,6 +51,7 @@ from softlab.model.formulas.elastic.newton import (
     SOLVE,
     SOLVES,
     STEPS,
+    SUBSTITUTE,
     UPDATE,
     WEIGH,
     Counts,
@@ -194,7 +196,7 @@ def one_pass(control, band, bands, frame, number, state, inputs, solver):
     elif kind == WEIGH:
         weigh(first, last, number, position, before, inputs, solver)
     elif kind == MOVE:
-        move(first, last, control.share, position, before, vectors, sums)
+        move(first, last, control.fraction, position, before, vectors, sums)
     elif kind == ACCEPT:
         accept(first, last, position, vectors)
     elif kind == RETURN:
@@ -217,35 +219,29 @@ def total(sums, place, groups):
 
 
 @routine
-def alone(kind, solver, first):
-    """Do the work of one thread between two passes. Returns the sum, or 1 if the coarse matrix is not positive."""
-    if kind == COARSE:
-        return 1.0 if factor(solver.coarse, solver.groups) else 0.0
-    if kind == RESTRICT:
-        solve(solver.coarse, solver.groups)
-    return first
-
-
-@routine
 def go_on(c, iterations, floor, particles, solver, done):
-    """Choose the next pass from the sums of the last one. `c`: the record of control_type."""
+    """Choose the next pass from the sums of the last one, and do passes of one thread. `c`: the record of control_type."""
     kind, sums = c.next, solver.sums
     groups = ((len(solver.elements.corners) if kind == ENERGIES else particles) + SUMMED - 1) // SUMMED
-    first = alone(kind, solver, total(sums, 0, groups))
+    first = total(sums, 0, groups)
     second = total(sums, 1, groups) if kind == ENERGIES else 0.0
     counts = Counts(c.phase, c.safe, c.products, c.steps, c.halvings)
-    values = Values(c.energy, c.trial, c.noise, c.squared, c.enough, c.alpha, c.beta, c.share, c.slope, c.unsure)
-    later, counts, values = after(kind, counts, values, first, second, iterations, floor)
-    c.phase, c.safe, c.products, c.steps, c.halvings = counts
-    c.energy, c.trial, c.noise, c.squared, c.enough, c.alpha, c.beta, c.share, c.slope, c.unsure = values
+    values = Values(c.energy, c.trial, c.noise, c.squared, c.enough, c.alpha, c.beta, c.fraction, c.slope, c.unsure)
     done[EVALUATIONS] += kind == ENERGIES
     done[MATRICES] += kind == ROWS
     done[PRODUCTS] += kind == PRODUCT
+    if kind == COARSE:
+        kind, first = FACTOR, 1.0 if factor(solver.coarse, solver.groups) else 0.0
+    elif kind == RESTRICT:
+        kind = SUBSTITUTE
+        solve(solver.coarse, solver.groups)
+    c.next, counts, values = after(kind, counts, values, first, second, iterations, floor)
+    c.phase, c.safe, c.products, c.steps, c.halvings = counts
+    c.energy, c.trial, c.noise, c.squared, c.enough, c.alpha, c.beta, c.fraction, c.slope, c.unsure = values
     if kind == FINISH:
         done[SOLVES] += 1
         done[STEPS] += counts.steps
         c.solved += 1
-    c.next = later
 
 
 @routine

@@ -97,9 +97,9 @@ def changed(n, position, other, corners, rest):
 def viscous(n, v, f, rest, number, corners, mu, lame):
     """Return (D, N) of tetrahedron n, as on the CPU."""
     if FEATURE.two_stages and number % 2 == 1:
-        e = increment(f, changed(n, v.position, v.middle, corners, rest))
-        f = deformed(n, v.middle, corners, rest)
-        e = beyond(e, increment(f, changed(n, v.middle, v.origin, corners, rest)))
+        e = increment(f, changed(n, v.position, v.first_end, corners, rest))
+        f = deformed(n, v.first_end, corners, rest)
+        e = beyond(e, increment(f, changed(n, v.first_end, v.first_start, corners, rest)))
     else:
         e = increment(f, changed(n, v.position, v.before, corners, rest))
     return resisted(e, mu, lame)

@@ -11,7 +11,10 @@ from importlib import import_module
 from itertools import product
 from typing import Any
 
+from kernel_text import Letters
+
 from softlab.gpu_backend.core.tiling import parsed_tile
+from softlab.gpu_backend.tetrahedra import newton_arrays as arrays
 from softlab.gpu_backend.xpbd.choice import cut
 from softlab.gpu_backend.xpbd.tile import whole
 from softlab.model.contact.cloth_parameters import B_DYNAMIC, B_RESTITUTION, B_STATIC
@@ -23,9 +26,19 @@ from softlab.model.position_based.mesh_plan import BODY_DAMPING
 from softlab.model.position_based.plan import colour_order
 from softlab.model.shape_matching.cluster_tables import shaping
 from softlab.model.tetrahedra import springs
+from softlab.model.tetrahedra.aggregates import Aggregates, Couplings
+from softlab.model.tetrahedra.block_rows import BlockRows
 from softlab.model.tetrahedra.constraints import BLOCKS, DAMPED, ITERATED, part_of_run, projections_of
 from softlab.model.tetrahedra.newton import STAGED
+from softlab.model.tetrahedra.newton_arrays import Elements, Matrix
 
+NEWTON = (  # arguments of the kernel of Newton's method
+    (arrays.Solver, (
+        (Elements, "IIR"), (BlockRows, "I" * 7), (springs.SpringArrays, "IIIR"), (arrays.Vectors, "R" * 15),
+        (Matrix, "R" * 5), (Aggregates, "I" * 4), (Couplings, "I" * 8), (arrays.Coarse, "RRRRRRi"), "I",
+    )),
+    "N", "R", "U", "L", (arrays.Control, "RIL"), (arrays.Limits, "lllr"),
+)  # fmt: skip
 GENERATOR = "3528531795"  # a multiplier of the random generator
 SOME = -1  # of a count: any but 0
 Counts = Mapping[str, Mapping[str, int]]
@@ -43,7 +56,7 @@ class Row:
     """
 
     factory: str
-    letters: Mapping[str, str]
+    letters: Mapping[str, Letters]
     arguments: tuple[Any, ...] = ()
     takes: str = "precision math"
     counts: Counts = field(default_factory=dict)
@@ -387,7 +400,7 @@ def by_vertices_and_newton() -> Iterator[Row]:
     ):  # fmt: skip
         yield Row(
             "tetrahedra.newton_kernel:make_newton",
-            {"": "RRRRRRRRRRRRRRIRILNRULlllr"},
+            {"": NEWTON},
             (parts,),
             rare=parts != free,
             atomics=some(""),

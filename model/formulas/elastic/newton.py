@@ -17,18 +17,32 @@ import numpy as np
 
 from softlab.model.base.variant import OfPrecision, formula
 
-KINDS = (
-    "begin", "look", "weigh", "accept", "return", "ahead", "blocks", "rows",
-    "centres", "coarse rows", "solve", "product", "update", "restrict", "correct", "direction", "move", "finish",
-)  # fmt: skip
-(
-    BEGIN, ENERGIES, WEIGH, ACCEPT, RETURN, AHEAD, BLOCKS, ROWS, CENTRES, COARSE,
-    SOLVE, PRODUCT, UPDATE, RESTRICT, CORRECT, DIRECTION, MOVE, FINISH,
-) = range(len(KINDS))  # fmt: skip
+(  # passes, in the order of the method; each is followed by the next one unless `after` decides otherwise
+    BEGIN,  # inertial or driven positions
+    ENERGIES,  # forces and energies of tetrahedra
+    WEIGH,  # gradient and energy at particles
+    ACCEPT,  # the state becomes the current one
+    RETURN,  # back to the current state
+    AHEAD,  # positions without elasticity
+    BLOCKS,  # tangents of tetrahedra
+    ROWS,  # rows of the matrix, inverses of its diagonal blocks
+    CENTRES,  # centres of groups
+    COARSE,  # the coarse matrix
+    FACTOR,  # its factor
+    SOLVE,  # start of conjugate gradients
+    PRODUCT,  # of the matrix with the direction
+    UPDATE,  # of solution and residual
+    RESTRICT,  # residual of groups
+    SUBSTITUTE,  # solution of the coarse system
+    CORRECT,  # preconditioned residual
+    DIRECTION,  # the next direction
+    MOVE,  # along the solution
+    FINISH,  # velocities
+) = range(20)
 BEHIND, BEFORE, SEARCH = range(
     3
 )  # states whose potential is evaluated: the substep's start, without elasticity, along a step
-DONE = ("solves", "looks", "matrices", "products", "steps")  # counters of a simulation
+DONE = ("solves", "evaluations", "matrices", "products", "steps")  # counters of a simulation
 SOLVES, EVALUATIONS, MATRICES, PRODUCTS, STEPS = range(len(DONE))
 NEAR = 1e-4  # remaining residual, in the norm of the preconditioner, over the first one
 DOWNHILL = 1e-4  # of the descent that the slope predicts
@@ -62,7 +76,7 @@ class Values(NamedTuple):
     enough: float
     alpha: float
     beta: float
-    share: float
+    fraction: float
     slope: float
     unsure: float
 
@@ -125,6 +139,8 @@ def after_solving(kind, safe, products, squared, enough, value, floor):
 
 @formula
 def after(kind, counts, values, first, second, iterations, floor):
+    """Return (next pass, Counts, Values) from the sums of a pass, `first` and `second`: energies and their rounding errors,
+    how many matrices are not positive, or scalar products."""
     phase, safe, products, steps, halvings = counts
     energy, trial, noise, squared, enough, alpha, beta, fraction, slope, unsure = values
     later = kind + 1
@@ -139,7 +155,7 @@ def after(kind, counts, values, first, second, iterations, floor):
             unsure = noise
     elif kind in (ACCEPT, RETURN):
         later, phase, safe, steps = after_moving(kind, phase, safe, steps, energy, slope, iterations)
-    elif kind in (ROWS, COARSE) and first > 0.0 and safe == 0:
+    elif kind in (ROWS, FACTOR) and first > 0.0 and safe == 0:
         later, safe = BLOCKS, 1
     elif kind == SOLVE:
         later, products = RESTRICT, 0
