@@ -8,12 +8,14 @@ from __future__ import annotations
 
 from functools import cache
 from types import SimpleNamespace
+from typing import NamedTuple
 
 import numpy as np
 from numba import cuda
 
 from softlab.gpu_backend.contact.colliders import collide
 from softlab.gpu_backend.core.compile import Kernel, kernel_options, kernels_of, make_kernel, variant_name
+from softlab.gpu_backend.core.device import DeviceArray
 from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.integers import clock, knows_time
 from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
@@ -28,6 +30,22 @@ from softlab.model.tetrahedra.descent import RATE, SCALE
 from softlab.model.tetrahedra.springs import SpringArrays, kernel_features
 
 NO_STRAINS, NO_SUMS = (0.0,) * STRAINS, (0.0,) * SUMS
+
+
+class DescentArrays(NamedTuple):
+    """Arrays of a material: its vertices, ordered, with their lists of tetrahedra, 1 for those that fall freely; corners,
+    values and strains of its `count` tetrahedra. Of all materials: springs; stiffness that holds each particle [N/m]."""
+
+    order: DeviceArray
+    offsets: DeviceArray
+    entries: DeviceArray
+    falls: DeviceArray
+    corners: DeviceArray
+    values: DeviceArray
+    strains: DeviceArray
+    springs: SpringArrays
+    holds: DeviceArray
+    count: np.int32
 
 
 @routine
@@ -87,55 +105,51 @@ def store_strains(strains, count, t, strain):
 
 
 @routine
-def remember(before, corners, values, strains, size):
+def remember(before, arrays):
     """Write the strains of a material's tetrahedra at the start of a substep."""
-    t = np.int32(cuda.grid(1))
-    count = np.int32(size)
+    t, count = np.int32(cuda.grid(1)), np.int32(arrays.count)
     if t < count:
-        strain = initial_strain(points_of(before, corners, t), values_of(values, count, t))
-        store_strains(strains, count, t, strain)
+        strain = initial_strain(points_of(before, arrays.corners, t), values_of(arrays.values, count, t))
+        store_strains(arrays.strains, count, t, strain)
 
 
 @routine
-def start(before, velocity, inertial, position, order, falls, stop, record):
+def start(before, velocity, inertial, position, arrays, stop, record):
     """Write the start of the iterations of the vertices before `stop` of the order, also pinned ones."""
     k = np.int32(cuda.grid(1))
     if k < stop:
-        vertex = order[k]
+        vertex = arrays.order[k]
         b, p = load_quad(before, vertex), load_quad(inertial, vertex)
         x, y, z = xyz(p)
-        if falls[k] == 0:
+        if arrays.falls[k] == 0:
             x, y, z = coasted(xyz(b), xyz(load_quad(velocity, vertex)), record[0].dt)
         store_quad(position, vertex, x, y, z, b[3])
 
 
 @routine
-def descend(
-    position, inertial, order, offsets, entries, corners, values, strains, spring_offsets, sprung_entries, ends,
-    numbers, before, holds, first, stop, size, record, bodies, integers, counter, place, substeps, substep,
-):  # fmt: skip
-    """Visit the vertices of a colour. `spring_offsets` to `numbers`: of springs; `holds` (particles,) [N/m]; both are read if
-    the variant has them. `size`: tetrahedra of the material."""
-    parameters = record[0]
-    k, count = np.int32(first + cuda.grid(1)), np.int32(size)
+def descend(before, inertial, position, arrays, first, stop, record, bodies, integers, time):
+    """Visit the vertices `first` to before `stop` of the order, of one colour; `time`: arguments of `clock`."""
+    parameters, strains = record[0], arrays.strains
+    k, count = np.int32(first + cuda.grid(1)), np.int32(arrays.count)
     if k < stop:
-        vertex, rate = order[k], parameters[RATE]
+        vertex, rate = arrays.order[k], parameters[RATE]
         sums = NO_SUMS
-        for n in range(offsets[k], offsets[k + 1]):
-            t, corner = entries[n] >> 2, entries[n] & np.int32(3)
+        for n in range(arrays.offsets[k], arrays.offsets[k + 1]):
+            t, corner = arrays.entries[n] >> 2, arrays.entries[n] & np.int32(3)
             old = NO_STRAINS
             if FEATURE.damped:
                 old = strains_of(strains, count, t)
-            points = points_of(position, corners, t)
-            sums = added(sums, element(points, values_of(values, count, t), old, corner, rate))
+            points = points_of(position, arrays.corners, t)
+            sums = added(sums, element(points, values_of(arrays.values, count, t), old, corner, rate))
         if FEATURE.springs:
-            x, y, z, hard, _ = pulled(vertex, position, SpringArrays(spring_offsets, sprung_entries, ends, numbers))
+            x, y, z, hard, _ = pulled(vertex, position, arrays.springs)
             sums = added(sums, (x, y, z, hard, hard, hard, 0.0, 0.0, 0.0))
         p = load_quad(position, vertex)
         if FEATURE.colliders:
+            counter, place, substeps, substep = time
             _, number = clock(counter, place, substeps, substep)
             world = World(parameters, bodies, integers)
-            sums = add_contact(sums, load_quad(before, vertex), p, holds[vertex], world, number)
+            sums = add_contact(sums, load_quad(before, vertex), p, arrays.holds[vertex], world, number)
         x, y, z = moved(xyz(p), xyz(load_quad(inertial, vertex)), p[3], parameters[SCALE], sums)
         store_quad(position, vertex, x, y, z, p[3])
 

@@ -14,7 +14,8 @@ from typing import Any
 from kernel_text import Letters
 
 from softlab.gpu_backend.core.tiling import parsed_tile
-from softlab.gpu_backend.tetrahedra import newton_arrays as arrays
+from softlab.gpu_backend.tetrahedra import newton_arrays, resident
+from softlab.gpu_backend.tetrahedra.descent_kernels import DescentArrays
 from softlab.gpu_backend.xpbd.choice import cut
 from softlab.gpu_backend.xpbd.tile import whole
 from softlab.model.contact.cloth_parameters import B_DYNAMIC, B_RESTITUTION, B_STATIC
@@ -33,11 +34,15 @@ from softlab.model.tetrahedra.newton import STAGED
 from softlab.model.tetrahedra.newton_arrays import Elements, Matrix
 
 NEWTON = (  # arguments of the kernel of Newton's method
-    (arrays.Solver, (
-        (Elements, "IIR"), (BlockRows, "I" * 7), (springs.SpringArrays, "IIIR"), (arrays.Vectors, "R" * 15),
-        (Matrix, "R" * 5), (Aggregates, "I" * 4), (Couplings, "I" * 8), (arrays.Coarse, "RRRRRRi"), "I",
+    (newton_arrays.Solver, (
+        (Elements, "IIR"), (BlockRows, "I" * 7), (springs.SpringArrays, "IIIR"), (newton_arrays.Vectors, "R" * 15),
+        (Matrix, "R" * 5), (Aggregates, "I" * 4), (Couplings, "I" * 8), (newton_arrays.Coarse, "RRRRRRi"), "I",
     )),
-    "N", "R", "U", "L", (arrays.Control, "RIL"), (arrays.Limits, "lllr"),
+    "N", "R", "U", "L", (newton_arrays.Control, "RIL"), (newton_arrays.Limits, "lllr"),
+)  # fmt: skip
+RESIDENT = (  # arguments of the kernel `resident` of tetrahedra
+    (resident.State, "RR"), (resident.State, "RR"), (resident.SlabArrays, "IIRRiiii"), (resident.Exchange, "RiiI"),
+    *"TRUL", (resident.Limits, "lli"),
 )  # fmt: skip
 GENERATOR = "3528531795"  # a multiplier of the random generator
 SOME = -1  # of a count: any but 0
@@ -376,7 +381,7 @@ def tetrahedra() -> Iterator[Row]:
         (projection,) = projections_of(parts)
         messages = {"st.relaxed.gpu.global.b128": SOME, "ld.shared.v4.f32": SOME}
         yield Row(
-            "tetrahedra.resident:make_tetrahedra_resident", {"": "RRRRIIRRRiiITRULiiiilli"}, (parts, projection),
+            "tetrahedra.resident:make_tetrahedra_resident", {"": RESIDENT}, (parts, projection),
             counts={"": messages}, rare=material != MATERIALS[0],
         )  # fmt: skip
     parts = some("gravity", "load", "pins", "plane", "sphere", "friction", "restitution", FRICTION_IN_PLACE)
@@ -387,7 +392,11 @@ def tetrahedra() -> Iterator[Row]:
 
 
 def by_vertices_and_newton() -> Iterator[Row]:
-    visits = {"remember": "RIRRi", "start": "RRRRIIiD", "descend": "RRIIIIRRIIIRRRiiiDRULlll"}
+    arrays = DescentArrays, (*"IIIIIRR", (springs.SpringArrays, "IIIR"), "R", "i")
+    visits = {
+        "remember": ("R", arrays), "start": (*"RRRR", arrays, "i", "D"),
+        "descend": (*"RRR", arrays, *"iiDRU", (tuple, "Llll")),
+    }  # fmt: skip
     parts, of = springs.PARTS | {"plane", "box", "friction"}, "tetrahedra.descent_kernels:"
     for material, damped in product(range(len(MATERIALS)), (True, False)):
         yield Row(f"{of}make_visits", visits, (material, damped, parts), rare=material > 0 or not damped)
