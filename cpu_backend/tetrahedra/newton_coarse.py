@@ -44,7 +44,7 @@ def centre(first, last, position, groups, coarse):
 def gather(first, last, position, rows, blocks, groups, coarse):
     """Sum the rows of groups into the coarse matrix."""
     row_starts, row_columns = rows.starts, rows.columns
-    starts, last_column = groups.starts, groups.reach
+    starts, last_column = groups.starts, groups.last_column
     centres, band = coarse.centres, coarse.band
     for group in range(first, last):
         for i in range(MODES * group, MODES * (group + 1)):
@@ -109,7 +109,7 @@ def subtract(band, i, k, many, factor):
 @routine
 def factor(coarse, groups):
     """Factor the coarse matrix; for one thread. Returns true if it is not positive."""
-    band, last_columns, size = coarse.band, groups.reach, coarse.band.shape[0]
+    band, last_columns, size = coarse.band, groups.last_column, coarse.band.shape[0]
     entries = coarse.diagonal
     for k in range(size):
         entries[0, k] = band[k, 0]
@@ -129,7 +129,7 @@ def factor(coarse, groups):
 @routine
 def solve(coarse, groups):
     """Solve the coarse system; for one thread."""
-    band, solution, last_columns, size = coarse.band, coarse.solution, groups.reach, coarse.band.shape[0]
+    band, solution, last_columns, size = coarse.band, coarse.solution, groups.last_column, coarse.band.shape[0]
     for k in range(size):
         y = band[k, 0] * solution[0, k]
         solution[0, k] = y

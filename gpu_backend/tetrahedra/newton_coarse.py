@@ -143,7 +143,7 @@ def factor(body, solver):
     band, width, bad, last_inverse, last_many = coarse.band, coarse.width, 0.0, 0.0, np.int32(0)
     for k in range(MODES * solver.pairs.bodies[body], MODES * solver.pairs.bodies[body + 1]):
         cuda.syncthreads()
-        row, many = np.int32(k * width), np.int32(solver.groups.reach[k] - k)
+        row, many = np.int32(k * width), np.int32(solver.groups.last_column[k] - k)
         inverse, negative = pivot(band[row], coarse.entries[k])
         if negative:
             bad = 1.0
@@ -172,7 +172,7 @@ def solve(body, solver, shared):
         shared[base + k - first] = coarse.solved[k]
     synchronize_team()
     for k in range(first, last):
-        at, row, many = np.int32(base + k - first), np.int32(k * width), np.int32(solver.groups.reach[k] - k)
+        at, row, many = np.int32(base + k - first), np.int32(k * width), np.int32(solver.groups.last_column[k] - k)
         y = times(coarse.pivots[k], shared[at])
         for j in range(lane + 1, many + 1, TEAM):
             shared[at + j] = moved(shared[at + j], -y, band[row + j])
@@ -185,7 +185,7 @@ def solve(body, solver, shared):
         at = np.int32(base + k - first)
         y = times(coarse.pivots[k], shared[at])
         i = np.int32(k - 1 - lane)
-        while i >= first and solver.groups.reach[i] >= k:
+        while i >= first and solver.groups.last_column[i] >= k:
             shared[base + i - first] = moved(shared[base + i - first], -y, band[i * width + k - i])
             i = np.int32(i - TEAM)
         synchronize_team()

@@ -141,7 +141,7 @@ def above(i, k, first, solver):
     """Return row i's entry in column k."""
     coarse, entry = solver.coarse, 0.0
     if i >= first:
-        if solver.groups.reach[i] >= k:
+        if solver.groups.last_column[i] >= k:
             entry = coarse.band[i * coarse.width + k - i]
     return entry
 
@@ -161,12 +161,12 @@ def invert(column, solver, shared):
         shared[x + k] = 1.0 if k == column else 0.0
     synchronize_team()
     entry, pivot = band[column * width + min(lane + 1, width - 1)], coarse.pivots[column]
-    many = np.int32(solver.groups.reach[column] - column)
+    many = np.int32(solver.groups.last_column[column] - column)
     for k in range(column, last):
         now, here, reached = entry, pivot, many
         if k + 1 < last:
             entry = band[(k + 1) * width + min(lane + 1, width - 1)]
-            pivot, many = coarse.pivots[k + 1], np.int32(solver.groups.reach[k + 1] - (k + 1))
+            pivot, many = coarse.pivots[k + 1], np.int32(solver.groups.last_column[k + 1] - (k + 1))
         y = here * shared[x + k]
         if lane < reached:
             shared[x + k + 1 + lane] -= y * now
@@ -186,7 +186,7 @@ def invert(column, solver, shared):
         if i >= first:
             shared[x + i] -= y * now
         i = np.int32(i - TEAM)
-        while i >= first and solver.groups.reach[i] >= k:
+        while i >= first and solver.groups.last_column[i] >= k:
             shared[x + i] -= y * band[i * width + k - i]
             i = np.int32(i - TEAM)
         synchronize_team()

@@ -103,7 +103,7 @@ def weigh(k, solver, world, number):
     x, y, z = at[0] - target[0], at[1] - target[1], at[2] - target[2]
     total = inertial_energy(inertia, x, y, z)
     x, y, z = scaled(inertia, x, y, z)
-    for n in range(rows.meets[k], rows.meets[k + 1]):
+    for n in range(rows.corner_starts[k], rows.corner_starts[k + 1]):
         f = load_quad(matrix.forces, rows.corners[n])
         x, y, z = x + f[0], y + f[1], z + f[2]
     if FEATURE.springs:
