@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from softlab.model.base.variant import routine
+from softlab.model.base.variant import routine, unrolled
 from softlab.model.formulas.elastic.coarse import arm, columns, moment, motion, pivot, scale_of
 from softlab.model.tetrahedra.aggregates import MODES
 
@@ -58,11 +58,7 @@ def gather(first, last, position, rows, blocks, groups, coarse):
                 if other < group or MODES * other > last_column[MODES * group]:  # a group of another body
                     continue
                 e = arm_of(row_columns[b], other, position, centres)
-                m = (
-                    blocks[b, 0], blocks[b, 1], blocks[b, 2], blocks[b, 3], blocks[b, 4], blocks[b, 5], blocks[b, 6],
-                    blocks[b, 7], blocks[b, 8],
-                )  # fmt: skip
-                block = columns(d, e, m)
+                block = columns(d, e, tuple(blocks[b, m] for m in unrolled(9)))
                 for j in range(MODES):
                     for i in range(MODES):
                         place = MODES * (other - group) + j - i
@@ -92,10 +88,7 @@ def corrected(k, position, groups, coarse):
     """Return three numbers to add at particle k."""
     group, solution = groups.group[k], coarse.solution
     place = MODES * group
-    y = (
-        solution[0, place], solution[0, place + 1], solution[0, place + 2], solution[0, place + 3],
-        solution[0, place + 4], solution[0, place + 5],
-    )  # fmt: skip
+    y = tuple(solution[0, place + n] for n in unrolled(MODES))
     return motion(arm_of(k, group, position, coarse.centres), y)
 
 

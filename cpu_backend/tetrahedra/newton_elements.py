@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from softlab.cpu_backend.tetrahedra.springs import row
-from softlab.model.base.variant import FEATURE, routine
+from softlab.model.base.variant import FEATURE, routine, unrolled
 from softlab.model.formulas.constraints.tetrahedron import HOOKEAN
 from softlab.model.formulas.elastic.damper import beyond, increment, positive, resisted, scaled, squared, stressed
 from softlab.model.formulas.elastic.damper import block as damped_block
@@ -17,10 +17,7 @@ from softlab.model.tetrahedra.newton import AT_ALPHA, AT_DAMPING, AT_LAME, AT_MU
 
 @routine
 def rest_of(values, n):
-    return (
-        values[n, 0], values[n, 1], values[n, 2], values[n, 3], values[n, 4], values[n, 5], values[n, 6], values[n, 7],
-        values[n, 8],
-    )  # fmt: skip
+    return tuple(values[n, m] for m in unrolled(9))
 
 
 @routine

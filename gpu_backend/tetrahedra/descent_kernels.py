@@ -23,7 +23,7 @@ from softlab.gpu_backend.core.world import World
 from softlab.gpu_backend.tetrahedra.descent_contact import add_contact
 from softlab.gpu_backend.tetrahedra.springs import pulled, xyz
 from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, filled, inlined_routine, routine
+from softlab.model.base.variant import FEATURE, filled, inlined_routine, routine, unrolled
 from softlab.model.formulas.elastic.chebyshev import beyond
 from softlab.model.formulas.elastic.descent import STRAINS, SUMS, added, coasted, element, initial_strain, moved
 from softlab.model.tetrahedra.descent import RATE, SCALE
@@ -68,10 +68,7 @@ def accelerate(position, iterates, w):
 def points_of(position, corners, t):
     """Return the corners of tetrahedron t."""
     c = load_quad(corners, np.int32(t))
-    return (
-        xyz(load_quad(position, c[0])), xyz(load_quad(position, c[1])), xyz(load_quad(position, c[2])),
-        xyz(load_quad(position, c[3])),
-    )  # fmt: skip
+    return tuple(xyz(load_quad(position, c[n])) for n in unrolled(4))
 
 
 @inlined_routine
@@ -83,25 +80,9 @@ def values_of(values, count, t):
 
 
 @inlined_routine
-def strain_at(strains, count, t, n):
-    """Return strain n of tetrahedron t of `count`."""
-    return strains[np.uint32(np.int32(n * count) + t)]
-
-
-@inlined_routine
 def strains_of(strains, count, t):
-    return (
-        strain_at(strains, count, t, 0), strain_at(strains, count, t, 1), strain_at(strains, count, t, 2),
-        strain_at(strains, count, t, 3), strain_at(strains, count, t, 4), strain_at(strains, count, t, 5),
-    )  # fmt: skip
-
-
-@inlined_routine
-def store_strains(strains, count, t, strain):
-    a, b, c, d, e, f = strain
-    strains[np.uint32(t)], strains[np.uint32(count + t)] = a, b
-    strains[np.uint32(2 * count + t)], strains[np.uint32(3 * count + t)] = c, d
-    strains[np.uint32(4 * count + t)], strains[np.uint32(5 * count + t)] = e, f
+    """Return the strains of tetrahedron t of `count`."""
+    return tuple(strains[np.uint32(np.int32(n * count) + t)] for n in unrolled(STRAINS))
 
 
 @routine
@@ -110,7 +91,8 @@ def remember(before, arrays):
     t, count = np.int32(cuda.grid(1)), np.int32(arrays.count)
     if t < count:
         strain = initial_strain(points_of(before, arrays.corners, t), values_of(arrays.values, count, t))
-        store_strains(arrays.strains, count, t, strain)
+        for n in unrolled(STRAINS):
+            arrays.strains[np.uint32(n * count + t)] = strain[n]
 
 
 @routine

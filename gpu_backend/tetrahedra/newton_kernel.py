@@ -43,35 +43,7 @@ from softlab.model.base.types import Real
 from softlab.model.base.variant import FEATURE, Open, filled, inlined_routine, real, routine
 from softlab.model.contact.sheet_plan import FRICTION_IN_PLACE
 from softlab.model.formulas.elastic import newton
-from softlab.model.formulas.elastic.newton import (
-    ACCEPT,
-    AHEAD,
-    BEGIN,
-    BLOCKS,
-    CENTRES,
-    COARSE,
-    CORRECT,
-    DIRECTION,
-    ENERGIES,
-    EVALUATIONS,
-    FACTOR,
-    FINISH,
-    MATRICES,
-    MOVE,
-    PRODUCT,
-    PRODUCTS,
-    RESTRICT,
-    RETURN,
-    ROWS,
-    SOLVE,
-    SOLVES,
-    STEPS,
-    SUBSTITUTE,
-    UPDATE,
-    WEIGH,
-    Counts,
-    Values,
-)
+from softlab.model.formulas.elastic.newton import EVALUATIONS, MATRICES, PASS, PRODUCTS, SOLVES, STEPS, Counts, Values
 from softlab.model.tetrahedra.aggregates import MODES
 from softlab.model.tetrahedra.newton import SUMMED
 from softlab.model.tetrahedra.springs import kernel_features
@@ -90,12 +62,12 @@ def element_pass(kind, solver, world, number, safe, shared, sums):
             n = np.int32(unit * UNIT + one)
             energy, unsure = 0.0, 0.0
             if n < count:
-                if kind == ENERGIES:
+                if kind == PASS.ENERGIES:
                     energy, unsure = energies(n, count, solver, rate, number)
                 else:
                     blocks(n, count, solver, rate, number, safe != 0)
             shared[one], shared[UNIT + one] = energy, unsure
-        if kind == ENERGIES:
+        if kind == PASS.ENERGIES:
             groups = np.int32((count + SUMMED - 1) // SUMMED)
             width = np.int32(min(np.int32(UNIT), np.int32(count - unit * UNIT)))
             add_groups(shared, np.int32(2), width, np.int32(unit * UNIT // SUMMED), groups, sums)
@@ -105,33 +77,33 @@ def element_pass(kind, solver, world, number, safe, shared, sums):
 def visit(kind, k, particles, solver, world, time, values):
     """Do particle k's part of a pass. Returns its summand."""
     v, total = solver.vectors, 0.0
-    if kind == BEGIN:
+    if kind == PASS.BEGIN:
         begin(k, solver, world, time)
-    elif kind == FINISH:
+    elif kind == PASS.FINISH:
         finish(k, solver, world, time.number)
-    elif kind == ROWS:
+    elif kind == PASS.ROWS:
         total = settle_row(k, particles, solver, world, time.number)
     elif load_quad(v.before, k)[3] != 0.0:
-        if kind == WEIGH:
+        if kind == PASS.WEIGH:
             total = weigh(k, solver, world, time.number)
-        elif kind == ACCEPT:
+        elif kind == PASS.ACCEPT:
             accept(k, v)
-        elif kind == RETURN:
+        elif kind == PASS.RETURN:
             put(k, v, v.current)
-        elif kind == AHEAD:
+        elif kind == PASS.AHEAD:
             put(k, v, v.target)
-        elif kind == MOVE:
+        elif kind == PASS.MOVE:
             total = move(k, v, values.fraction)
         elif not FEATURE.fast:
-            if kind == SOLVE:
+            if kind == PASS.SOLVE:
                 begin_solve(k, v)
-            elif kind == PRODUCT:
+            elif kind == PASS.PRODUCT:
                 total = multiply(k, solver.rows, solver.matrix.blocks, v)
-            elif kind == UPDATE:
+            elif kind == PASS.UPDATE:
                 update(k, v, values.alpha)
-            elif kind == CORRECT:
+            elif kind == PASS.CORRECT:
                 total = precondition(k, particles, solver)
-            elif kind == DIRECTION:
+            elif kind == PASS.DIRECTION:
                 turn(k, v, values.beta)
     return total
 
@@ -144,14 +116,14 @@ def particle_pass(kind, solver, world, time, values, shared, sums):
     particles = np.int32(solver.vectors.position.size // SIZE)
     groups = np.int32((particles + SUMMED - 1) // SUMMED)
     for group in range(block, groups, blocks_of_grid):
-        if kind == ROWS:
+        if kind == PASS.ROWS:
             assemble(group, particles, solver.rows, solver.matrix)
         for one in range(t, np.int32(SUMMED), threads):
             k, summand = np.int32(group * SUMMED + one), 0.0
             if k < particles:
                 summand = visit(kind, k, particles, solver, world, time, values)
             shared[one] = summand
-        if kind in (WEIGH, ROWS, PRODUCT, CORRECT, MOVE):
+        if kind in (PASS.WEIGH, PASS.ROWS, PASS.PRODUCT, PASS.CORRECT, PASS.MOVE):
             add_groups(shared, np.int32(1), np.int32(SUMMED), group, groups, sums)
 
 
@@ -162,22 +134,22 @@ def coarse_pass(kind, solver, shared, sums):
     t, teams = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x // TEAM)
     first_team, all_teams = np.int32(block * teams + t // TEAM), np.int32(blocks_of_grid * teams)
     groups, bodies = len(solver.groups.starts) - 1, len(solver.pairs.bodies) - 1
-    if kind == CENTRES:
+    if kind == PASS.CENTRES:
         for group in range(first_team, groups, all_teams):
             centre(group, solver, shared)
-    elif kind == COARSE:
+    elif kind == PASS.COARSE:
         for pair in range(block, len(solver.pairs.starts) - 1, blocks_of_grid):
             couple(pair, solver, shared)
-    elif kind == FACTOR:
+    elif kind == PASS.FACTOR:
         for body in range(block, bodies, blocks_of_grid):
             bad = factor(body, solver)
             if t == 0:
                 sums[body] = bad
     elif not FEATURE.fast:
-        if kind == RESTRICT:
+        if kind == PASS.RESTRICT:
             for group in range(first_team, groups, all_teams):
                 restrict(group, solver, shared)
-        elif kind == SUBSTITUTE:
+        elif kind == PASS.SUBSTITUTE:
             for body in range(first_team, bodies, all_teams):
                 solve(body, solver, shared)
 
@@ -192,38 +164,38 @@ def quick_pass(kind, solver, latest, values, shared, sums):
     block, blocks_of_grid = np.int32(cuda.blockIdx.x), np.int32(cuda.gridDim.x)
     particles = np.int32(solver.vectors.position.size // SIZE)
     groups = len(solver.groups.starts) - 1
-    if kind == PRODUCT:
+    if kind == PASS.PRODUCT:
         for group in range(block, (particles + SUMMED - 1) // SUMMED, blocks_of_grid):
             product(group, particles, solver, latest, values.beta, shared, sums)
-    elif kind == CORRECT:
+    elif kind == PASS.CORRECT:
         for group in range(block, groups, blocks_of_grid):
             correct(group, particles, solver, shared, sums)
     else:
-        if kind == SOLVE:
+        if kind == PASS.SOLVE:
             teams = np.int32(cuda.blockDim.x // TEAM)
             first_team = np.int32(block * teams + np.int32(cuda.threadIdx.x) // TEAM)
             for column in range(first_team, MODES * groups, blocks_of_grid * teams):
                 invert(column, solver, shared)
         for group in range(block, groups, blocks_of_grid):
-            advance(kind == SOLVE, group, particles, solver, latest, values.alpha, shared)
+            advance(kind == PASS.SOLVE, group, particles, solver, latest, values.alpha, shared)
 
 
 @inlined_routine
 def sums_of(kind, solver, shared, sums):
     """Return the two sums of a pass over all blocks, 0 if it has none."""
     first, second, count = 0.0, 0.0, np.int32(0)
-    if kind == ENERGIES:
+    if kind == PASS.ENERGIES:
         count = np.int32((len(solver.elements.materials) + SUMMED - 1) // SUMMED)
-    elif kind == FACTOR:
+    elif kind == PASS.FACTOR:
         count = np.int32(len(solver.pairs.bodies) - 1)
-    elif FEATURE.fast and kind == CORRECT:
+    elif FEATURE.fast and kind == PASS.CORRECT:
         count = np.int32(len(solver.groups.starts) - 1)
-    elif kind in (WEIGH, ROWS, PRODUCT, CORRECT, MOVE):
+    elif kind in (PASS.WEIGH, PASS.ROWS, PASS.PRODUCT, PASS.CORRECT, PASS.MOVE):
         count = np.int32((solver.vectors.position.size // SIZE + SUMMED - 1) // SUMMED)
     if count > 0:
-        total(shared, np.int32(2) if kind == ENERGIES else np.int32(1), count, sums)
+        total(shared, np.int32(2) if kind == PASS.ENERGIES else np.int32(1), count, sums)
         first = shared[0]
-        if kind == ENERGIES:
+        if kind == PASS.ENERGIES:
             second = shared[1]
     cuda.syncthreads()
     return first, second
@@ -232,13 +204,13 @@ def sums_of(kind, solver, shared, sums):
 @inlined_routine
 def count_pass(kind, counts, done):
     """Count a pass, for one thread of all."""
-    if kind == ENERGIES:
+    if kind == PASS.ENERGIES:
         done[EVALUATIONS] += 1
-    elif kind == ROWS:
+    elif kind == PASS.ROWS:
         done[MATRICES] += 1
-    elif kind == PRODUCT:
+    elif kind == PASS.PRODUCT:
         done[PRODUCTS] += 1
-    elif kind == FINISH:
+    elif kind == PASS.FINISH:
         done[SOLVES] += 1
         done[STEPS] += counts.steps
 
@@ -254,32 +226,32 @@ def newton_steps(solver, record, colliders, integers, counter, control, limits):
         if FEATURE.timed:
             step = counter[0] + number // limits.solves
         time = Time(step, step * limits.solves + number % limits.solves)
-        kind, counts = BEGIN, Counts(np.int64(0), np.int64(0), np.int64(0), np.int64(0), np.int64(0))
+        kind, counts = PASS.BEGIN, Counts(np.int64(0), np.int64(0), np.int64(0), np.int64(0), np.int64(0))
         values = Values(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
         while True:
             sums = control.sums[buffer * half : (buffer + 1) * half]
-            if kind in (ENERGIES, BLOCKS):
+            if kind in (PASS.ENERGIES, PASS.BLOCKS):
                 element_pass(kind, solver, world, time.number, counts.safe, shared, sums)
-            elif kind in (CENTRES, COARSE, FACTOR, RESTRICT, SUBSTITUTE):
+            elif kind in (PASS.CENTRES, PASS.COARSE, PASS.FACTOR, PASS.RESTRICT, PASS.SUBSTITUTE):
                 coarse_pass(kind, solver, shared, sums)
-            elif FEATURE.fast and kind in (SOLVE, PRODUCT, UPDATE, CORRECT):
+            elif FEATURE.fast and kind in (PASS.SOLVE, PASS.PRODUCT, PASS.UPDATE, PASS.CORRECT):
                 quick_pass(kind, solver, latest, values, shared, sums)
             else:
                 particle_pass(kind, solver, world, time, values, shared, sums)
             arrivals = barrier(control.flags, arrivals)
             if cuda.blockIdx.x == 0 and cuda.threadIdx.x == 0:
                 count_pass(kind, counts, control.done)
-            if kind == FINISH:
+            if kind == PASS.FINISH:
                 break
             first, second = sums_of(kind, solver, shared, sums)
-            if kind == PRODUCT:
+            if kind == PASS.PRODUCT:
                 latest = 1 - latest
             kind, counts, values = after(kind, counts, values, first, second, limits.iterations, limits.floor)
             if FEATURE.fast:  # done with the last pass, or with the next one
-                if kind == RESTRICT:
-                    kind = CORRECT
-                elif kind == DIRECTION:
-                    kind = PRODUCT
+                if kind == PASS.RESTRICT:
+                    kind = PASS.CORRECT
+                elif kind == PASS.DIRECTION:
+                    kind = PASS.PRODUCT
             buffer = 1 - buffer
 
 

@@ -14,7 +14,7 @@ from softlab.gpu_backend.tetrahedra.newton_coarse import corrected
 from softlab.gpu_backend.tetrahedra.newton_contact import nearly_within, within
 from softlab.gpu_backend.tetrahedra.newton_elements import added, load_block, load_six, store_block, transposed
 from softlab.gpu_backend.tetrahedra.springs import pulled
-from softlab.model.base.variant import FEATURE, inlined_routine
+from softlab.model.base.variant import FEATURE, inlined_routine, unrolled
 from softlab.model.formulas.elastic.deformation import times
 from softlab.model.formulas.elastic.newton import inertia_of, inertial_energy, inverse, moved, outer
 from softlab.model.formulas.elastic.solving import dot, preconditioned, scaled
@@ -75,17 +75,12 @@ def settle_row(k, particles, solver, world, number):
             xx, xy, xz, yx, yy, yz = xx + s, xy + t, xz + u, yx + t, yy + p, yz + q
             zx, zy, zz = zx + u, zy + q, zz + r
         store_block(matrix.blocks, n, (xx, xy, xz, yx, yy, yz, zx, zy, zz))
-        s, t, u, p, q, r, good = inverse(xx, xy, xz, yy, yz, zz)
-        store_six(matrix.inverses, particles, k, s, t, u, p, q, r)
-        if not good:
+        inverted = inverse(xx, xy, xz, yy, yz, zz)
+        for n in unrolled(6):
+            matrix.inverses[n * particles + k] = inverted[n]
+        if not inverted[6]:
             bad = 1.0
     return bad
-
-
-@inlined_routine
-def store_six(array, count, k, a, b, c, d, e, f):
-    array[k], array[count + k], array[2 * count + k] = a, b, c
-    array[3 * count + k], array[4 * count + k], array[5 * count + k] = d, e, f
 
 
 @inlined_routine
