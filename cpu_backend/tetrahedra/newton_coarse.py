@@ -12,6 +12,8 @@ from softlab.model.base.variant import routine, unrolled
 from softlab.model.formulas.elastic.coarse import arm, columns, moment, motion, pivot, scale_of
 from softlab.model.tetrahedra.aggregates import MODES
 
+NO_MOMENTS = (0.0,) * MODES
+
 
 @routine
 def arm_of(k, group, position, centres):
@@ -71,16 +73,14 @@ def restrict(first, last, position, residual, groups, coarse):
     """Write the residual of groups, projected onto rigid motions."""
     starts, members = groups.starts, groups.members
     for group in range(first, last):
-        a, b, c, d, e, f = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        sums = NO_MOMENTS
         for n in range(starts[group], starts[group + 1]):
             k = members[n]
-            p, q, r, s, t, u = moment(
-                arm_of(k, group, position, coarse.centres), residual[k, 0], residual[k, 1], residual[k, 2]
-            )  # fmt: skip
-            a, b, c, d, e, f = a + p, b + q, c + r, d + s, e + t, f + u
-        into, place = coarse.solution, MODES * group
-        into[0, place], into[0, place + 1], into[0, place + 2] = a, b, c
-        into[0, place + 3], into[0, place + 4], into[0, place + 5] = d, e, f
+            arm_now = arm_of(k, group, position, coarse.centres)
+            moments = moment(arm_now, residual[k, 0], residual[k, 1], residual[k, 2])
+            sums = tuple(sums[mode] + moments[mode] for mode in unrolled(MODES))
+        for mode in unrolled(MODES):
+            coarse.solution[0, MODES * group + mode] = sums[mode]
 
 
 @routine

@@ -27,13 +27,6 @@ def deformed(points, corners, rest, n):
 
 
 @routine
-def store_force(forces, n, corner, volume, g):
-    forces[n, 3 * corner] = volume * g[0]
-    forces[n, 3 * corner + 1] = volume * g[1]
-    forces[n, 3 * corner + 2] = volume * g[2]
-
-
-@routine
 def energies(first, last, points, since, elements, forces, sums):
     """Write energies, and forces on the four corners, of the tetrahedra of the groups `first` to before `last` of SUMMED.
     `since`: Since of newton_arrays.py, of dampers."""
@@ -52,11 +45,10 @@ def energies(first, last, points, since, elements, forces, sums):
                 lost, pull = viscous(n, points, f, rest, since, corners, mu, lame)
                 p = stressed(p, f, pull)
                 energy, off = energy + volume * lost, off + doubt(lost, volume, mu, lame, False)
-            a, b, c, d = at_corners(p, rest)
-            store_force(forces, n, 0, volume, a)
-            store_force(forces, n, 1, volume, b)
-            store_force(forces, n, 2, volume, c)
-            store_force(forces, n, 3, volume, d)
+            g = at_corners(p, rest)
+            for corner in unrolled(4):
+                for axis in unrolled(3):
+                    forces[n, 3 * corner + axis] = volume * g[corner][axis]
             total, unsure = total + energy, unsure + off
         sums[0, group], sums[1, group] = total, unsure
 

@@ -29,17 +29,7 @@ from softlab.cpu_backend.tetrahedra.newton_rows import update as update_solution
 from softlab.model.base.types import Real
 from softlab.model.base.variant import FEATURE, filled, routine
 from softlab.model.contact.sheet_plan import FRICTION_IN_PLACE
-from softlab.model.formulas.elastic.newton import (
-    EVALUATIONS,
-    MATRICES,
-    PASS,
-    PRODUCTS,
-    SOLVES,
-    STEPS,
-    Counts,
-    Values,
-    after,
-)
+from softlab.model.formulas.elastic.newton import DONE, PASS, Counts, Values, after
 from softlab.model.formulas.elastic.stages import ahead
 from softlab.model.tetrahedra.newton import SUMMED
 from softlab.model.tetrahedra.springs import kernel_features
@@ -209,9 +199,9 @@ def go_on(c, iterations, floor, particles, solver, done):
     second = total(sums, 1, groups) if kind == PASS.ENERGIES else 0.0
     counts = Counts(c.phase, c.safe, c.products, c.steps, c.halvings)
     values = Values(c.energy, c.trial, c.noise, c.squared, c.enough, c.alpha, c.beta, c.fraction, c.slope, c.unsure)
-    done[EVALUATIONS] += kind == PASS.ENERGIES
-    done[MATRICES] += kind == PASS.ROWS
-    done[PRODUCTS] += kind == PASS.PRODUCT
+    done[DONE.EVALUATIONS] += kind == PASS.ENERGIES
+    done[DONE.MATRICES] += kind == PASS.ROWS
+    done[DONE.PRODUCTS] += kind == PASS.PRODUCT
     if kind == PASS.COARSE:
         kind, first = PASS.FACTOR, 1.0 if factor(solver.coarse, solver.groups) else 0.0
     elif kind == PASS.RESTRICT:
@@ -221,8 +211,8 @@ def go_on(c, iterations, floor, particles, solver, done):
     c.phase, c.safe, c.products, c.steps, c.halvings = counts
     c.energy, c.trial, c.noise, c.squared, c.enough, c.alpha, c.beta, c.fraction, c.slope, c.unsure = values
     if kind == PASS.FINISH:
-        done[SOLVES] += 1
-        done[STEPS] += counts.steps
+        done[DONE.SOLVES] += 1
+        done[DONE.STEPS] += counts.steps
         c.solved += 1
 
 

@@ -148,12 +148,8 @@ def mapped(arrays: Any, change: Callable[[np.ndarray], Any]) -> Any:
     return change(arrays) if isinstance(arrays, np.ndarray) else arrays
 
 
-def partial_sums(solver: Solver) -> int:
-    """Return the largest number of partial sums of a pass, one per SUMMED items, per group of particles or per body."""
-    return max(-(-max(len(solver.matrix.stiffness), len(solver.elements.materials)) // SUMMED), solver.groups.number)
-
-
-def blocks_needed(solver: Solver) -> int:
-    """Return the number of thread blocks that the largest pass can use."""
-    tetrahedra, particles = len(solver.elements.materials), len(solver.matrix.stiffness)
-    return max(-(-tetrahedra // UNIT), -(-particles // SUMMED), solver.groups.number)
+def passes_of(solver: Solver) -> tuple[int, int]:
+    """Return (thread blocks that the largest pass can use, the most partial sums of one)."""
+    tetrahedra, particles, groups = len(solver.elements.materials), len(solver.matrix.stiffness), solver.groups.number
+    sums = max(-(-max(particles, tetrahedra) // SUMMED), groups)
+    return max(-(-tetrahedra // UNIT), -(-particles // SUMMED), groups), sums

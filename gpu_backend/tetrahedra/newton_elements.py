@@ -95,12 +95,6 @@ def viscous(n, v, f, rest, number, corners, mu, lame):
 
 
 @inlined_routine
-def store_force(forces, place, volume, g):
-    x, y, z = scaled(volume, g[0], g[1], g[2])
-    store_quad(forces, place, x, y, z, 0.0)
-
-
-@inlined_routine
 def energies(n, count, solver, rate, number):
     """Return (energy, its rounding error) [J] of tetrahedron n of `count`, and write the forces at its corners; all three
     include dampers. `rate`: 1 / h, of the solve `number`."""
@@ -118,12 +112,10 @@ def energies(n, count, solver, rate, number):
         lost, pull = viscous(n, v, f, rest, number, corners, mu, lame)
         p = stressed(p, f, pull)
         energy, unsure = energy + times(volume, lost), unsure + doubt(lost, volume, mu, lame, False)
-    a, b, c, d = at_corners(p, rest)
-    first = np.int32(4 * n)
-    store_force(forces, first, volume, a)
-    store_force(forces, np.int32(first + 1), volume, b)
-    store_force(forces, np.int32(first + 2), volume, c)
-    store_force(forces, np.int32(first + 3), volume, d)
+    g = at_corners(p, rest)
+    for corner in unrolled(4):
+        x, y, z = scaled(volume, g[corner][0], g[corner][1], g[corner][2])
+        store_quad(forces, np.int32(4 * n + corner), x, y, z, 0.0)
     return energy, unsure
 
 

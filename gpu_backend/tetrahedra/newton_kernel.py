@@ -43,7 +43,7 @@ from softlab.model.base.types import Real
 from softlab.model.base.variant import FEATURE, Open, filled, inlined_routine, real, routine
 from softlab.model.contact.sheet_plan import FRICTION_IN_PLACE
 from softlab.model.formulas.elastic import newton
-from softlab.model.formulas.elastic.newton import EVALUATIONS, MATRICES, PASS, PRODUCTS, SOLVES, STEPS, Counts, Values
+from softlab.model.formulas.elastic.newton import DONE, PASS, Counts, Values
 from softlab.model.tetrahedra.aggregates import MODES
 from softlab.model.tetrahedra.newton import SUMMED
 from softlab.model.tetrahedra.springs import kernel_features
@@ -205,14 +205,14 @@ def sums_of(kind, solver, shared, sums):
 def count_pass(kind, counts, done):
     """Count a pass, for one thread of all."""
     if kind == PASS.ENERGIES:
-        done[EVALUATIONS] += 1
+        done[DONE.EVALUATIONS] += 1
     elif kind == PASS.ROWS:
-        done[MATRICES] += 1
+        done[DONE.MATRICES] += 1
     elif kind == PASS.PRODUCT:
-        done[PRODUCTS] += 1
+        done[DONE.PRODUCTS] += 1
     elif kind == PASS.FINISH:
-        done[SOLVES] += 1
-        done[STEPS] += counts.steps
+        done[DONE.SOLVES] += 1
+        done[DONE.STEPS] += counts.steps
 
 
 @routine

@@ -14,10 +14,10 @@ import numpy as np
 from numba import cuda
 
 from softlab.gpu_backend.core.quads import load_quad, store_quad
-from softlab.gpu_backend.tetrahedra.newton_coarse import arm_of
+from softlab.gpu_backend.tetrahedra.newton_coarse import NO_MOMENTS, arm_of
 from softlab.gpu_backend.tetrahedra.newton_elements import load_block, load_six
 from softlab.gpu_backend.tetrahedra.newton_sums import TEAM, of_block, of_four, of_team, put, slots, synchronize_team
-from softlab.model.base.variant import inlined_routine
+from softlab.model.base.variant import inlined_routine, unrolled
 from softlab.model.formulas.elastic.coarse import moment, motion
 from softlab.model.formulas.elastic.deformation import times
 from softlab.model.formulas.elastic.newton import moved
@@ -50,19 +50,15 @@ def advance(begins, group, particles, solver, latest, alpha, shared):
     step along the direction `latest` of the two."""
     v, coarse = solver.vectors, solver.coarse
     t, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
-    a, b, c, d, e, f = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    sums = NO_MOMENTS
     for n in range(solver.groups.starts[group] + t, solver.groups.starts[group + 1], threads):
         k = solver.groups.members[n]
         x, y, z = residual_of(begins, k, particles, v, latest, alpha)
-        p, q, r, s, u, w = moment(arm_of(k, group, v, coarse), x, y, z)
-        a, b, c, d, e, f = a + p, b + q, c + r, d + s, e + u, f + w
+        moments = moment(arm_of(k, group, v, coarse), x, y, z)
+        sums = tuple(sums[mode] + moments[mode] for mode in unrolled(MODES))
     cuda.syncthreads()
-    put(shared, np.int32(0), a)
-    put(shared, np.int32(1), b)
-    put(shared, np.int32(2), c)
-    put(shared, np.int32(3), d)
-    put(shared, np.int32(4), e)
-    put(shared, np.int32(5), f)
+    for mode in unrolled(MODES):
+        put(shared, np.int32(mode), sums[mode])
     cuda.syncthreads()
     if t < MODES:
         coarse.solved[MODES * group + t] = slots(shared, t)

@@ -40,7 +40,7 @@ NEWTON = (  # arguments of the kernel of Newton's method
     )),
     "N", "R", "U", "L", (newton_arrays.Control, "RIL"), (newton_arrays.Limits, "lllr"),
 )  # fmt: skip
-RESIDENT = (  # arguments of the kernel `resident` of tetrahedra
+SLABS = (  # arguments of the kernel `resident` of tetrahedra
     (resident.State, "RR"), (resident.State, "RR"), (resident.SlabArrays, "IIRRiiii"), (resident.Exchange, "RiiI"),
     *"TRUL", (resident.Limits, "lli"),
 )  # fmt: skip
@@ -381,7 +381,7 @@ def tetrahedra() -> Iterator[Row]:
         (projection,) = projections_of(parts)
         messages = {"st.relaxed.gpu.global.b128": SOME, "ld.shared.v4.f32": SOME}
         yield Row(
-            "tetrahedra.resident:make_tetrahedra_resident", {"": RESIDENT}, (parts, projection),
+            "tetrahedra.resident:make_tetrahedra_resident", {"": SLABS}, (parts, projection),
             counts={"": messages}, rare=material != MATERIALS[0],
         )  # fmt: skip
     parts = some("gravity", "load", "pins", "plane", "sphere", "friction", "restitution", FRICTION_IN_PLACE)

@@ -43,11 +43,19 @@ class Passes(NamedTuple):
     FINISH: int  # velocities
 
 
-PASS = Passes(*range(len(Passes._fields)))
+class Done(NamedTuple):
+    """Counters of a simulation, in its array `done`."""
+
+    SOLVES: int
+    EVALUATIONS: int
+    MATRICES: int
+    PRODUCTS: int
+    STEPS: int
+
+
+PASS, DONE = Passes(*range(len(Passes._fields))), Done(*range(len(Done._fields)))
 # states whose potential is evaluated: the substep's start, without elasticity, along a step
 BEHIND, BEFORE, SEARCH = range(3)
-DONE = ("solves", "evaluations", "matrices", "products", "steps")  # counters of a simulation
-SOLVES, EVALUATIONS, MATRICES, PRODUCTS, STEPS = range(len(DONE))
 NEAR = 1e-4  # remaining residual, in the norm of the preconditioner, over the first one
 DOWNHILL = 1e-4  # of the descent that the slope predicts
 MOST_HALVINGS = 20  # to a millionth of a step
