@@ -40,6 +40,11 @@ NEWTON = (  # arguments of the kernel of Newton's method
     )),
     "N", "R", "U", "L", (newton_arrays.Control, "RIL"), (newton_arrays.Limits, "lllr"),
 )  # fmt: skip
+DESCENT = DescentArrays, (*"IIIIIRR", (springs.SpringArrays, "IIIR"), "R", "i")
+VISITS = {
+    "remember": ("R", DESCENT), "start": (*"RRRR", DESCENT, "i", "D"),
+    "descend": (*"RRR", DESCENT, *"iiDRU", (tuple, "Llll")),
+}  # fmt: skip
 SLABS = (  # arguments of the kernel `resident` of tetrahedra
     (resident.State, "RR"), (resident.State, "RR"), (resident.SlabArrays, "IIRRiiii"), (resident.Exchange, "RiiI"),
     *"TRUL", (resident.Limits, "lli"),
@@ -392,14 +397,9 @@ def tetrahedra() -> Iterator[Row]:
 
 
 def by_vertices_and_newton() -> Iterator[Row]:
-    arrays = DescentArrays, (*"IIIIIRR", (springs.SpringArrays, "IIIR"), "R", "i")
-    visits = {
-        "remember": ("R", arrays), "start": (*"RRRR", arrays, "i", "D"),
-        "descend": (*"RRR", arrays, *"iiDRU", (tuple, "Llll")),
-    }  # fmt: skip
     parts, of = springs.PARTS | {"plane", "box", "friction"}, "tetrahedra.descent_kernels:"
     for material, damped in product(range(len(MATERIALS)), (True, False)):
-        yield Row(f"{of}make_visits", visits, (material, damped, parts), rare=material > 0 or not damped)
+        yield Row(f"{of}make_visits", VISITS, (material, damped, parts), rare=material > 0 or not damped)
     yield Row(f"{of}make_accelerate", {"": "RRr"})
     free = some("gravity", "load")
     everything = free | COLLIDERS | {DAMPED, "pins", "damping", "external", "poke", FRICTION_IN_PLACE}
