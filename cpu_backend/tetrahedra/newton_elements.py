@@ -47,8 +47,8 @@ def energies(first, last, points, since, elements, forces, sums):
                 energy, off = energy + volume * lost, off + doubt(lost, volume, mu, lame, False)
             g = at_corners(p, rest)
             for corner in unrolled(4):
-                for axis in unrolled(3):
-                    forces[n, 3 * corner + axis] = volume * g[corner][axis]
+                (x, y, z), place = g[corner], 3 * corner
+                forces[n, place], forces[n, place + 1], forces[n, place + 2] = volume * x, volume * y, volume * z
             total, unsure = total + energy, unsure + off
         sums[0, group], sums[1, group] = total, unsure
 
