@@ -30,18 +30,9 @@ from softlab.model.formulas.elastic.chebyshev import weights
 from softlab.model.particles.constraints import ConstraintSet, Projection
 from softlab.model.position_based.mesh_plan import PREDICT
 from softlab.model.scene.scene import Scene
+from softlab.model.tetrahedra import descent as vbd
 from softlab.model.tetrahedra.constraints import DAMPED
-from softlab.model.tetrahedra.descent import (
-    ACCELERATE,
-    DESCEND,
-    START,
-    STRAIN,
-    Descent,
-    descents,
-    stage_name,
-    vbd_plan,
-    visited,
-)
+from softlab.model.tetrahedra.descent import Descent, descents, stage_name, vbd_plan, visited
 from softlab.model.tetrahedra.newton import holding
 from softlab.model.tetrahedra.springs import springs
 
@@ -126,7 +117,9 @@ class VertexBlockDescent(Tetrahedra):
 
         stages[PREDICT] = predict
         accelerate = make_accelerate_stage(self.real, self.options.math)
-        stages[ACCELERATE] = lambda moment: accelerate(bands, position, self._iterates, self._weights[moment.iteration])
+        stages[vbd.ACCELERATE] = lambda moment: accelerate(
+            bands, position, self._iterates, self._weights[moment.iteration]
+        )
         for one, arrays in zip(descents(self.scene), self._descents, strict=True):
             stages |= self._of_material(one, arrays)
         return stages
@@ -150,11 +143,11 @@ class VertexBlockDescent(Tetrahedra):
         def start(moment: Moment) -> None:
             stage.start(bands, 0, one.free, before, velocity, inertial, position, arrays, self.parameters)
 
-        stages: dict[str, StageRun] = {stage_name(START, one.material): start}
+        stages: dict[str, StageRun] = {stage_name(vbd.START, one.material): start}
         if self._damped:
             many = len(one.corners)
-            stages[stage_name(STRAIN, one.material)] = lambda moment: stage.remember(bands, 0, many, before, arrays)
+            stages[stage_name(vbd.STRAIN, one.material)] = lambda moment: stage.remember(bands, 0, many, before, arrays)
         bounds = one.starts.tolist()
         for colour in range(one.colours):
-            stages[stage_name(DESCEND, one.material, colour)] = descend(*bounds[colour : colour + 2])
+            stages[stage_name(vbd.DESCEND, one.material, colour)] = descend(*bounds[colour : colour + 2])
         return stages

@@ -29,19 +29,9 @@ from softlab.model.formulas.elastic.descent import STRAINS
 from softlab.model.particles.constraints import ConstraintSet, Projection
 from softlab.model.position_based.mesh_plan import FIND_CONTACTS, PINS, PREDICT, PROJECT_CONTACTS
 from softlab.model.scene.scene import Scene
+from softlab.model.tetrahedra import descent as vbd
 from softlab.model.tetrahedra.constraints import DAMPED
-from softlab.model.tetrahedra.descent import (
-    ACCELERATE,
-    CHEBYSHEV,
-    DESCEND,
-    START,
-    STRAIN,
-    Descent,
-    descents,
-    stage_name,
-    vbd_plan,
-    visited,
-)
+from softlab.model.tetrahedra.descent import CHEBYSHEV, Descent, descents, stage_name, vbd_plan, visited
 from softlab.model.tetrahedra.newton import holding
 from softlab.model.tetrahedra.springs import SpringArrays, springs
 
@@ -103,7 +93,7 @@ class VertexBlockDescent(Tetrahedra):
             PINS.name: self._move_pins,
             FIND_CONTACTS: self._find,
             PROJECT_CONTACTS: self._project,
-            ACCELERATE: self._extrapolate,
+            vbd.ACCELERATE: self._extrapolate,
         }
         holds = self.on_device(holding(self.scene.tetrahedra_set).astype(self.real))
         spring_arrays = SpringArrays(*map(self.on_device, springs(self.scene.tetrahedra_set, "vbd").arrays(self.real)))
@@ -120,15 +110,13 @@ class VertexBlockDescent(Tetrahedra):
             *map(put, (descent.order, descent.offsets, descent.entries, descent.falls, pack(descent.corners))),
             put(values), put(strains), spring_arrays, holds, np.int32(count),
         )  # fmt: skip
+        launch_of, material, vertices = self._launch_of, descent.material, np.int32(len(descent.order))
         if damped:
-            self._launch_of[stage_name(STRAIN, descent.material)] = partial(self._remember, kernels.remember, arrays)
-        vertices = np.int32(len(descent.order))
-        self._launch_of[stage_name(START, descent.material)] = partial(
-            self._start_sweeps, kernels.start, arrays, vertices
-        )
+            launch_of[stage_name(vbd.STRAIN, material)] = partial(self._remember, kernels.remember, arrays)
+        launch_of[stage_name(vbd.START, material)] = partial(self._start_sweeps, kernels.start, arrays, vertices)
         for colour, (first, stop) in enumerate(pairwise(map(np.int32, descent.starts))):
-            name = stage_name(DESCEND, descent.material, colour)
-            self._launch_of[name] = partial(self._descend, kernels.descend, arrays, first, stop)
+            visit = partial(self._descend, kernels.descend, arrays, first, stop)
+            launch_of[stage_name(vbd.DESCEND, material, colour)] = visit
 
     # ------------------------------------------------------------------ stages
 
