@@ -14,7 +14,7 @@ from softlab.gpu_backend.core.device import Arguments
 from softlab.gpu_backend.core.driven import DrivenSimulation
 from softlab.gpu_backend.core.quads import SIZE
 from softlab.gpu_backend.core.sheet import make_cloth_tools, make_mesh_tools
-from softlab.gpu_backend.tetrahedra.newton_arrays import Control, Limits, Solver, mapped, passes_of, solver_on_host
+from softlab.gpu_backend.tetrahedra.newton_arrays import Control, Limits, Solver, launch_sizes, mapped, solver_on_host
 from softlab.gpu_backend.tetrahedra.newton_kernel import make_newton
 from softlab.gpu_backend.tetrahedra.newton_sums import THREADS
 from softlab.model.contact.cloth_parameters import PIN_FIELDS
@@ -62,7 +62,7 @@ class TetrahedraNewton(DrivenSimulation):
         pins = np.zeros(self.particle_count, np.int32)
         if self._first_pin:
             pins[self.body.pinned] = self._first_pin + PIN_FIELDS * np.arange(len(self.body.pinned))
-        self._blocks, self._sums = passes_of(self._on_host)
+        self._blocks, self._sums = launch_sizes(self._on_host)
         solver: Solver = mapped(self._on_host._replace(pins=pins), self.on_device)
         del self._on_host
         vectors = solver.vectors._replace(position=self.position[0], velocity=self.velocity[0])

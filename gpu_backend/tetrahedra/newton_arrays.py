@@ -148,7 +148,7 @@ def mapped(arrays: Any, change: Callable[[np.ndarray], Any]) -> Any:
     return change(arrays) if isinstance(arrays, np.ndarray) else arrays
 
 
-def passes_of(solver: Solver) -> tuple[int, int]:
+def launch_sizes(solver: Solver) -> tuple[int, int]:
     """Return (thread blocks that the largest pass can use, the most partial sums of one)."""
     tetrahedra, particles, groups = len(solver.elements.materials), len(solver.matrix.stiffness), solver.groups.number
     sums = max(-(-max(particles, tetrahedra) // SUMMED), groups)

@@ -148,50 +148,50 @@ def end(before, now, world, number):
 
 
 @inlined_routine
-def bounds(colour, of_sweep):
+def bounds(colour, inputs):
     """Return (first run of a colour, how many)."""
-    starts, tables = of_sweep.starts, of_sweep.tables
+    starts, tables = inputs.starts, inputs.tables
     start = tables[np.uint32(starts + colour)]
     return start, np.int32(tables[np.uint32(starts + colour + 1)] - start)
 
 
 @inlined_routine
-def fetched(start, runs, of_sweep):
+def fetched(start, runs, inputs):
     """Load the data of a thread's first run; a thread without one loads another's, or the very first one."""
-    corners, values, _ = of_sweep.arrays
+    corners, values, _ = inputs.arrays
     number = np.int32(start + min(np.int32(cuda.threadIdx.x), np.int32(runs - 1)))
     place = np.int32(np.int32(FEATURE.run - 1) * start + number)
     if runs == 0:
         number, place = np.int32(0), np.int32(0)
-    return fetch(corners, values, number, place, of_sweep.count)
+    return fetch(corners, values, number, place, inputs.count)
 
 
 @inlined_routine
-def ahead(colour, of_sweep):
+def ahead(colour, inputs):
     """Return (first run of a colour, how many, data of this thread's first one)."""
-    start, runs = bounds(colour, of_sweep)
-    return start, runs, fetched(start, runs, of_sweep)
+    start, runs = bounds(colour, inputs)
+    return start, runs, fetched(start, runs, inputs)
 
 
 @inlined_routine
-def sweep(first, last, now, before, of_sweep, fresh, ready):
+def sweep(first, last, now, before, inputs, fresh, ready):
     """Project a block's runs of the colours `first` to before `last`; `ready` is `ahead` of the first one. Returns that of
     the next one."""
     start, runs, ready_values = ready
-    corners, values, _ = of_sweep.arrays
-    count = of_sweep.count
+    corners, values, _ = inputs.arrays
+    count = inputs.count
     for colour in range(first, last):
-        following = np.int32(colour + 1) if colour + 1 < of_sweep.colours else np.int32(0)
-        coming, many = bounds(following, of_sweep)
+        following = np.int32(colour + 1) if colour + 1 < inputs.colours else np.int32(0)
+        coming, many = bounds(following, inputs)
         n, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
         while n < runs:
             place = np.int32(FEATURE.run * start + n)
-            take(now, before, of_sweep.arrays, ready_values, place, runs, count, fresh, of_sweep.constants)
+            take(now, before, inputs.arrays, ready_values, place, runs, count, fresh, inputs.constants)
             n = np.int32(n + threads)
             if n < runs:
                 ready_values = fetch(corners, values, np.int32(start + n), np.int32(FEATURE.run * start + n), count)
         start, runs = coming, many
-        ready_values = fetched(start, runs, of_sweep)  # loaded while others are waited for
+        ready_values = fetched(start, runs, inputs)  # loaded while others are waited for
         cuda.syncthreads()
     return start, runs, ready_values
 
@@ -211,7 +211,7 @@ def tetrahedra_resident(state, new_state, slabs, exchange, record, bodies, integ
     common, starts, count = tables[head + SHARED], tables[head + STARTS], np.int32(slabs.size)
     below, above, others = tables[head + BORDER_BEFORE], tables[head + BORDER_AFTER], np.int32(known - local_count)
     world, arrays = World(record[0], bodies, integers), (slabs.corners, slabs.values, slabs.multipliers)
-    of_sweep = Sweep(tables, starts, colours, arrays, count, constants_of(record[0]))
+    inputs = Sweep(tables, starts, colours, arrays, count, constants_of(record[0]))
     thread, threads, tag = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x), np.int32(exchange.epoch)
     place, substep = np.int64(0), np.int64(0)
     step, number = clock(counter, place, substeps, substep)
@@ -222,13 +222,13 @@ def tetrahedra_resident(state, new_state, slabs, exchange, record, bodies, integ
         if n < local_count:
             p = begin(p, load_quad(state.velocity, k), k, world, step)
         store_quad(now, np.int32(n), p[0], p[1], p[2], p[3])
-    ready = ahead(np.int32(0), of_sweep)
+    ready = ahead(np.int32(0), inputs)
     cuda.syncthreads()
     while place < steps:
         for half in range(2 * limits.iterations):  # even layers, odd ones: one loop, so that its code exists once
             fresh, late = np.int32(half < 2), half % 2 == 1
             first, last = (early, colours) if late else (np.int32(0), early)
-            ready = sweep(first, last, now, before, of_sweep, fresh, ready)
+            ready = sweep(first, last, now, before, inputs, fresh, ready)
             if late:
                 send_border(messages, borders + above, now, local_count, others, tag)
                 hear(messages, borders + below, now, 0, common, tag, failed)
