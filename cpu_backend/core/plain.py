@@ -92,7 +92,7 @@ _replaced: dict[Any, Any] = {
 
 def _plainly(value: Any) -> Any:
     """Return the replacement of a global or closed-over value of a compiled function."""
-    if type(value) is tuple:
+    if isinstance(value, tuple):
         return tuple(_plainly(item) for item in value)
     if isinstance(value, Dispatcher):
         return translated(value)

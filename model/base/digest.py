@@ -58,8 +58,6 @@ class _Walk:
         elif isinstance(value, float):
             yield value.hex().encode()
         elif isinstance(value, (tuple, list)):
-            if hasattr(value, "_fields"):  # read by name
-                yield repr(value._fields).encode()
             yield from (self.digest(item) for item in value)
         elif isinstance(value, (set, frozenset)):
             yield from sorted(self.digest(item) for item in value)

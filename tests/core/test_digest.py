@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from collections import namedtuple
 from pathlib import Path
 from typing import Any
 
@@ -51,12 +50,6 @@ def test_the_same_content_has_the_same_digest():
 )
 def test_other_content_has_another_digest(other):
     assert content_digest(other) != content_digest(made(0.5))
-
-
-def test_the_order_of_names_counts():
-    """Of a named tuple a kernel reads members by name: the same numbers in another order are other ones."""
-    one, other = namedtuple("Named", "a b"), namedtuple("Named", "b a")
-    assert content_digest(made(one(0, 1))) != content_digest(made(other(0, 1)))
 
 
 def test_a_global_counts(monkeypatch):
