@@ -5,6 +5,7 @@ from __future__ import annotations
 from softlab.app.plan.passes import BackendPlan, Pass, cpu_plan, gpu_device, merged_passes, stages_of
 from softlab.model.core.options import PRECISIONS
 from softlab.model.core.plan import Plan
+from softlab.model.position_based.mesh_plan import COLLIDE, UPDATE
 from softlab.model.scene.scene import Scene
 from softlab.model.tetrahedra.constraints import SLEEP, SLEEPING
 
@@ -14,7 +15,7 @@ ONE_KERNEL = "all substeps of a call in one kernel"
 def _passes(plan: Plan, precision: str, note: str) -> tuple[Pass, ...]:
     """Return the stages of an iteration in the order of the plan, each as a pass; velocities and colliders are one."""
     stages = stages_of(plan)
-    last = [stage for stage in stages if stage.name in ("update velocity", "collide")]
+    last = [stage for stage in stages if stage.name in (UPDATE, COLLIDE)]
     after = [[stage] for stage in stages if stage.name == SLEEP]
     first = [[stage] for stage in stages if stage not in last and [stage] not in after]
     return merged_passes([*first, last, *after], plan, precision, note)

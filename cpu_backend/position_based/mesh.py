@@ -20,6 +20,7 @@ from softlab.model.core.simulation import Options
 from softlab.model.geometry.tables import wind_lists
 from softlab.model.geometry.topology import mesh_of
 from softlab.model.particles.constraints import ConstraintSet, Projection
+from softlab.model.position_based import mesh_plan
 from softlab.model.position_based.mesh_constraints import attachment_set, constraint_sets, projections_of
 from softlab.model.position_based.mesh_plan import RELEASE, TOUCH, TOUCHING, stage_name, xpbd_mesh_plan
 from softlab.model.scene.scene import Scene
@@ -106,12 +107,12 @@ class MeshPositionBased(QuadsSimulation):
             stage.touch(bands, moment.number, moment.fresh, *arguments)
 
         stages: dict[str, StageRun] = {
-            "predict": predict,
+            mesh_plan.PREDICT: predict,
             TOUCH: touch,
             RELEASE: lambda moment: stage.release(bands, position, self._pushes),
-            "update velocity": lambda moment: stage.update(bands, before, position, velocity, self.parameters),
-            "collide": collide,
-            "pins": lambda moment: stage.pins(
+            mesh_plan.UPDATE: lambda moment: stage.update(bands, before, position, velocity, self.parameters),
+            mesh_plan.COLLIDE: collide,
+            mesh_plan.PINS.name: lambda moment: stage.pins(
                 bands, moment.number, position, velocity, self.parameters, self.bodies, self.driven
             ),
         }

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from functools import cached_property
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 
@@ -26,12 +25,14 @@ from softlab.cpu_backend.tetrahedra.descent_kernels import (
     make_descent_stages,
 )
 from softlab.cpu_backend.tetrahedra.solver import Tetrahedra
-from softlab.model.core.plan import Moment, Plan, StageRun
+from softlab.model.core.plan import Executor, Moment, Plan, StageRun
 from softlab.model.formulas.elastic.chebyshev import weights
 from softlab.model.particles.constraints import ConstraintSet, Projection
+from softlab.model.position_based.mesh_plan import PREDICT
 from softlab.model.scene.scene import Scene
+from softlab.model.tetrahedra import descent as vbd
 from softlab.model.tetrahedra.constraints import DAMPED
-from softlab.model.tetrahedra.descent import ACCELERATE, Descent, descents, stage_name, vbd_plan, visited
+from softlab.model.tetrahedra.descent import Descent, descents, stage_name, vbd_plan, visited
 from softlab.model.tetrahedra.newton import holding
 from softlab.model.tetrahedra.springs import springs
 
@@ -74,8 +75,14 @@ class VertexBlockDescent(Tetrahedra):
         """Positions of vertices by inertia and all forces except elastic ones."""
         return np.zeros_like(self._position)
 
-    def _contacts_of(self, *arguments: Any) -> SurfaceContacts:
-        return CarriedContacts(*arguments, inertial=self._inertial)
+    @cached_property
+    def contacts(self) -> SurfaceContacts | None:
+        """Contacts between bodies, or None."""
+        if self.scene.contact is None:
+            return None
+        return CarriedContacts(
+            self.scene, self.real, self.options.math, self._bands, self._position[:, 3], self._inertial
+        )
 
     @property
     def inertial(self) -> np.ndarray:
@@ -84,7 +91,7 @@ class VertexBlockDescent(Tetrahedra):
 
     def _advance(self, step: int, steps: int) -> None:
         if self.contacts is not None:
-            self._staged.run(step, steps)
+            self._passes.run(step, steps)
             return
         method, numbers = self.scene.method, tuple(descent.number for descent in descents(self.scene))
         make_descent_advance(*self._variant(), numbers, self._damped)(
@@ -93,6 +100,11 @@ class VertexBlockDescent(Tetrahedra):
             World(self.parameters, self.integers, self._wind, self.bodies, self.kinds, self.driven),
             (self._iterates, self._weights),
         )  # fmt: skip
+
+    @cached_property
+    def _passes(self) -> Executor:
+        """Executor of a step, stage by stage."""
+        return Executor(self.plan, self._stages())
 
     def _stages(self) -> dict[str, StageRun]:
         stages, stage, bands = super()._stages(), make_mesh_stages(*self._variant()), self._bands
@@ -103,9 +115,11 @@ class VertexBlockDescent(Tetrahedra):
             arguments = inertial, velocity, before, self.parameters, self.integers, self._wind
             stage.predict(bands, moment.step, moment.number, *arguments)
 
-        stages["predict"] = predict
+        stages[PREDICT] = predict
         accelerate = make_accelerate_stage(self.real, self.options.math)
-        stages[ACCELERATE] = lambda moment: accelerate(bands, position, self._iterates, self._weights[moment.iteration])
+        stages[vbd.ACCELERATE] = lambda moment: accelerate(
+            bands, position, self._iterates, self._weights[moment.iteration]
+        )
         for one, arrays in zip(descents(self.scene), self._descents, strict=True):
             stages |= self._of_material(one, arrays)
         return stages
@@ -129,11 +143,11 @@ class VertexBlockDescent(Tetrahedra):
         def start(moment: Moment) -> None:
             stage.start(bands, 0, one.free, before, velocity, inertial, position, arrays, self.parameters)
 
-        stages: dict[str, StageRun] = {stage_name("start", one.material): start}
+        stages: dict[str, StageRun] = {stage_name(vbd.START, one.material): start}
         if self._damped:
             many = len(one.corners)
-            stages[stage_name("strain", one.material)] = lambda moment: stage.remember(bands, 0, many, before, arrays)
+            stages[stage_name(vbd.STRAIN, one.material)] = lambda moment: stage.remember(bands, 0, many, before, arrays)
         bounds = one.starts.tolist()
         for colour in range(one.colours):
-            stages[stage_name("descend", one.material, colour)] = descend(*bounds[colour : colour + 2])
+            stages[stage_name(vbd.DESCEND, one.material, colour)] = descend(*bounds[colour : colour + 2])
         return stages

@@ -17,6 +17,7 @@ from softlab.model.base.variant import FEATURE, routine
 from softlab.model.formulas.elastic.descent import added, carried
 from softlab.model.formulas.elastic.friction import heading, rubbed, slid, sliding, straight, unit
 from softlab.model.formulas.elastic.newton import outer
+from softlab.model.scene.scene import Scene
 
 
 @routine
@@ -69,9 +70,9 @@ class CarriedContacts(SurfaceContacts):
     """Contacts of surfaces whose pushes move `inertial` (particles, 4), too: the next sweep would take them back by
     forces that are not equal and opposite, and more sweeps would not help."""
 
-    def __init__(self, *arguments: Any, inertial: np.ndarray):
-        super().__init__(*arguments)
-        self._inertial, self._carry = inertial, make_carry(*arguments[1:3])
+    def __init__(self, scene: Scene, real: Any, math: str, threads: int, weights: np.ndarray, inertial: np.ndarray):
+        super().__init__(scene, real, math, threads, weights)
+        self._inertial, self._carry = inertial, make_carry(real, math)
         self._earlier = np.zeros((len(inertial), 3), inertial.dtype)
 
     def project(self, before: np.ndarray, position: np.ndarray) -> None:

@@ -23,14 +23,14 @@ from softlab.cpu_backend.tetrahedra.descent_acceleration import accelerate_some
 from softlab.cpu_backend.tetrahedra.descent_contact import add_contact
 from softlab.cpu_backend.tetrahedra.springs import pulled, row
 from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, Open, Variant, filled, routine
+from softlab.model.base.variant import FEATURE, Open, Variant, filled, routine, unrolled
 from softlab.model.formulas.elastic import descent
-from softlab.model.formulas.elastic.descent import added, coasted, initial_strain, moved
+from softlab.model.formulas.elastic.descent import COUNT, STRAINS, SUMS, added, coasted, initial_strain, moved
 from softlab.model.tetrahedra.descent import RATE, SCALE, Descent, visited
 from softlab.model.tetrahedra.springs import SpringArrays, Springs, kernel_features
 
 ALONE = 8  # vertices of a colour that one thread processes faster than threads can synchronise: a few microseconds
-NO_STRAINS, NO_SUMS = (0.0,) * descent.STRAINS, (0.0,) * descent.SUMS
+NO_STRAINS, NO_SUMS = (0.0,) * STRAINS, (0.0,) * SUMS
 
 element = Open("element(points, values, before, corner, rate), of model/formulas/elastic/descent.py, inlined")
 
@@ -52,7 +52,7 @@ class DescentArrays(NamedTuple):
 
 def descent_arrays(vertex_descent: Descent, real: Real, damped: bool, spring_set: Springs) -> DescentArrays:
     count = len(vertex_descent.corners) if damped else 0
-    strains: np.ndarray = np.zeros((count, descent.STRAINS), real)
+    strains: np.ndarray = np.zeros((count, STRAINS), real)
     values: np.ndarray = np.ascontiguousarray(vertex_descent.values, real)
     return DescentArrays(
         vertex_descent.order, vertex_descent.starts, vertex_descent.offsets, vertex_descent.entries,
@@ -63,22 +63,17 @@ def descent_arrays(vertex_descent: Descent, real: Real, damped: bool, spring_set
 @routine
 def points_of(points, corners, t):
     """Return the corners of tetrahedron t."""
-    return (
-        row(points, corners[t, 0]), row(points, corners[t, 1]), row(points, corners[t, 2]), row(points, corners[t, 3]),
-    )  # fmt: skip
+    return tuple(row(points, corners[t, n]) for n in unrolled(4))
 
 
 @routine
 def values_of(values, t):
-    return (
-        values[t, 0], values[t, 1], values[t, 2], values[t, 3], values[t, 4], values[t, 5], values[t, 6], values[t, 7],
-        values[t, 8], values[t, 9], values[t, 10], values[t, 11], values[t, 12],
-    )  # fmt: skip
+    return tuple(values[t, n] for n in unrolled(COUNT))
 
 
 @routine
 def strains_of(strains, t):
-    return strains[t, 0], strains[t, 1], strains[t, 2], strains[t, 3], strains[t, 4], strains[t, 5]
+    return tuple(strains[t, n] for n in unrolled(STRAINS))
 
 
 @routine

@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from softlab.model.base.variant import routine
+from softlab.model.base.variant import routine, unrolled
 from softlab.model.formulas.elastic.coarse import arm, columns, moment, motion, pivot, scale_of
 from softlab.model.tetrahedra.aggregates import MODES
+
+NO_MOMENTS = (0.0,) * MODES
 
 
 @routine
@@ -44,7 +46,7 @@ def centre(first, last, position, groups, coarse):
 def gather(first, last, position, rows, blocks, groups, coarse):
     """Sum the rows of groups into the coarse matrix."""
     row_starts, row_columns = rows.starts, rows.columns
-    starts, last_column = groups.starts, groups.reach
+    starts, last_column = groups.starts, groups.last_column
     centres, band = coarse.centres, coarse.band
     for group in range(first, last):
         for i in range(MODES * group, MODES * (group + 1)):
@@ -58,11 +60,7 @@ def gather(first, last, position, rows, blocks, groups, coarse):
                 if other < group or MODES * other > last_column[MODES * group]:  # a group of another body
                     continue
                 e = arm_of(row_columns[b], other, position, centres)
-                m = (
-                    blocks[b, 0], blocks[b, 1], blocks[b, 2], blocks[b, 3], blocks[b, 4], blocks[b, 5], blocks[b, 6],
-                    blocks[b, 7], blocks[b, 8],
-                )  # fmt: skip
-                block = columns(d, e, m)
+                block = columns(d, e, tuple(blocks[b, m] for m in unrolled(9)))
                 for j in range(MODES):
                     for i in range(MODES):
                         place = MODES * (other - group) + j - i
@@ -75,16 +73,14 @@ def restrict(first, last, position, residual, groups, coarse):
     """Write the residual of groups, projected onto rigid motions."""
     starts, members = groups.starts, groups.members
     for group in range(first, last):
-        a, b, c, d, e, f = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        sums = NO_MOMENTS
         for n in range(starts[group], starts[group + 1]):
             k = members[n]
-            p, q, r, s, t, u = moment(
-                arm_of(k, group, position, coarse.centres), residual[k, 0], residual[k, 1], residual[k, 2]
-            )  # fmt: skip
-            a, b, c, d, e, f = a + p, b + q, c + r, d + s, e + t, f + u
-        into, place = coarse.solution, MODES * group
-        into[0, place], into[0, place + 1], into[0, place + 2] = a, b, c
-        into[0, place + 3], into[0, place + 4], into[0, place + 5] = d, e, f
+            arm_now = arm_of(k, group, position, coarse.centres)
+            moments = moment(arm_now, residual[k, 0], residual[k, 1], residual[k, 2])
+            sums = tuple(sums[mode] + moments[mode] for mode in unrolled(MODES))
+        for mode in unrolled(MODES):
+            coarse.solution[0, MODES * group + mode] = sums[mode]
 
 
 @routine
@@ -92,10 +88,7 @@ def corrected(k, position, groups, coarse):
     """Return three numbers to add at particle k."""
     group, solution = groups.group[k], coarse.solution
     place = MODES * group
-    y = (
-        solution[0, place], solution[0, place + 1], solution[0, place + 2], solution[0, place + 3],
-        solution[0, place + 4], solution[0, place + 5],
-    )  # fmt: skip
+    y = tuple(solution[0, place + n] for n in unrolled(MODES))
     return motion(arm_of(k, group, position, coarse.centres), y)
 
 
@@ -109,7 +102,7 @@ def subtract(band, i, k, many, factor):
 @routine
 def factor(coarse, groups):
     """Factor the coarse matrix; for one thread. Returns true if it is not positive."""
-    band, last_columns, size = coarse.band, groups.reach, coarse.band.shape[0]
+    band, last_columns, size = coarse.band, groups.last_column, coarse.band.shape[0]
     entries = coarse.diagonal
     for k in range(size):
         entries[0, k] = band[k, 0]
@@ -129,7 +122,7 @@ def factor(coarse, groups):
 @routine
 def solve(coarse, groups):
     """Solve the coarse system; for one thread."""
-    band, solution, last_columns, size = coarse.band, coarse.solution, groups.reach, coarse.band.shape[0]
+    band, solution, last_columns, size = coarse.band, coarse.solution, groups.last_column, coarse.band.shape[0]
     for k in range(size):
         y = band[k, 0] * solution[0, k]
         solution[0, k] = y

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from softlab.cpu_backend.tetrahedra.springs import row
-from softlab.model.base.variant import FEATURE, routine
+from softlab.model.base.variant import FEATURE, routine, unrolled
 from softlab.model.formulas.constraints.tetrahedron import HOOKEAN
 from softlab.model.formulas.elastic.damper import beyond, increment, positive, resisted, scaled, squared, stressed
 from softlab.model.formulas.elastic.damper import block as damped_block
@@ -17,23 +17,13 @@ from softlab.model.tetrahedra.newton import AT_ALPHA, AT_DAMPING, AT_LAME, AT_MU
 
 @routine
 def rest_of(values, n):
-    return (
-        values[n, 0], values[n, 1], values[n, 2], values[n, 3], values[n, 4], values[n, 5], values[n, 6], values[n, 7],
-        values[n, 8],
-    )  # fmt: skip
+    return tuple(values[n, m] for m in unrolled(9))
 
 
 @routine
 def deformed(points, corners, rest, n):
     a, b, c, d = corners[n, 0], corners[n, 1], corners[n, 2], corners[n, 3]
     return gradient(row(points, a), row(points, b), row(points, c), row(points, d), rest)
-
-
-@routine
-def store_force(forces, n, corner, volume, g):
-    forces[n, 3 * corner] = volume * g[0]
-    forces[n, 3 * corner + 1] = volume * g[1]
-    forces[n, 3 * corner + 2] = volume * g[2]
 
 
 @routine
@@ -55,11 +45,10 @@ def energies(first, last, points, since, elements, forces, sums):
                 lost, pull = viscous(n, points, f, rest, since, corners, mu, lame)
                 p = stressed(p, f, pull)
                 energy, off = energy + volume * lost, off + doubt(lost, volume, mu, lame, False)
-            a, b, c, d = at_corners(p, rest)
-            store_force(forces, n, 0, volume, a)
-            store_force(forces, n, 1, volume, b)
-            store_force(forces, n, 2, volume, c)
-            store_force(forces, n, 3, volume, d)
+            g = at_corners(p, rest)
+            for corner in unrolled(4):
+                (x, y, z), place = g[corner], 3 * corner
+                forces[n, place], forces[n, place + 1], forces[n, place + 2] = volume * x, volume * y, volume * z
             total, unsure = total + energy, unsure + off
         sums[0, group], sums[1, group] = total, unsure
 

@@ -4,7 +4,7 @@ vector. newton_arrays.py describes `rows` and `matrix`."""
 from __future__ import annotations
 
 from softlab.cpu_backend.tetrahedra.newton_contact import nearly_within
-from softlab.model.base.variant import FEATURE, routine
+from softlab.model.base.variant import FEATURE, routine, unrolled
 from softlab.model.formulas.elastic.newton import inertia_of, inverse, outer
 from softlab.model.tetrahedra.newton import SUMMED
 
@@ -37,12 +37,10 @@ def assemble(first, last, number, position, target, before, rows, matrix, inputs
                 blocks[n, 1], blocks[n, 3] = blocks[n, 1] + b, blocks[n, 3] + b
                 blocks[n, 2], blocks[n, 6] = blocks[n, 2] + c, blocks[n, 6] + c
                 blocks[n, 5], blocks[n, 7] = blocks[n, 5] + e, blocks[n, 7] + e
-            a, b, c, d, e, f, good = inverse(
-                blocks[n, 0], blocks[n, 1], blocks[n, 2], blocks[n, 4], blocks[n, 5], blocks[n, 8]
-            )  # fmt: skip
-            inverses[k, 0], inverses[k, 1], inverses[k, 2] = a, b, c
-            inverses[k, 3], inverses[k, 4], inverses[k, 5] = d, e, f
-            if not good:
+            inverted = inverse(blocks[n, 0], blocks[n, 1], blocks[n, 2], blocks[n, 4], blocks[n, 5], blocks[n, 8])
+            for m in unrolled(6):
+                inverses[k, m] = inverted[m]
+            if not inverted[6]:
                 bad = bad + 1.0
         sums[0, group] = bad
 

@@ -94,7 +94,7 @@ def weigh(first, last, number, position, before, inputs, solver):
     """Write the potential's gradient at the positions, and its energy besides that of tetrahedra."""
     rows, vectors, matrix, sums = solver.rows, solver.vectors, solver.matrix, solver.sums
     target, gradient, parameters = vectors.target, vectors.trial, inputs.parameters
-    offsets, corners, forces = rows.meets, rows.corners, matrix.forces
+    offsets, corners, forces = rows.corner_starts, rows.corners, matrix.forces
     for group in range(first, last):
         total = 0.0
         for k in range(group * SUMMED, min((group + 1) * SUMMED, len(position))):

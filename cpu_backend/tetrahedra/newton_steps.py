@@ -29,33 +29,7 @@ from softlab.cpu_backend.tetrahedra.newton_rows import update as update_solution
 from softlab.model.base.types import Real
 from softlab.model.base.variant import FEATURE, filled, routine
 from softlab.model.contact.sheet_plan import FRICTION_IN_PLACE
-from softlab.model.formulas.elastic.newton import (
-    ACCEPT,
-    AHEAD,
-    BEGIN,
-    BLOCKS,
-    CENTRES,
-    COARSE,
-    CORRECT,
-    ENERGIES,
-    EVALUATIONS,
-    FINISH,
-    MATRICES,
-    MOVE,
-    PRODUCT,
-    PRODUCTS,
-    RESTRICT,
-    RETURN,
-    ROWS,
-    SOLVE,
-    SOLVES,
-    STEPS,
-    UPDATE,
-    WEIGH,
-    Counts,
-    Values,
-    after,
-)
+from softlab.model.formulas.elastic.newton import DONE, PASS, Counts, Values, after
 from softlab.model.formulas.elastic.stages import ahead
 from softlab.model.tetrahedra.newton import SUMMED
 from softlab.model.tetrahedra.springs import kernel_features
@@ -138,21 +112,21 @@ def matrix_pass(control, first, last, number, state, inputs, solver):
     rows, vectors, matrix, sums = solver.rows, solver.vectors, solver.matrix, solver.sums
     groups, coarse, kind = solver.groups, solver.coarse, control.next
     position, _, before = state
-    if kind == ROWS:
+    if kind == PASS.ROWS:
         assemble(first, last, number, position, vectors.target, before, rows, matrix, inputs, sums)
-    elif kind == SOLVE:
+    elif kind == PASS.SOLVE:
         start_solve(first, last, before, vectors)
-    elif kind == PRODUCT:
+    elif kind == PASS.PRODUCT:
         product(first, last, before, rows, vectors, matrix, sums)
-    elif kind == UPDATE:
+    elif kind == PASS.UPDATE:
         update_solution(first, last, control.alpha, before, vectors)
-    elif kind == CORRECT:
+    elif kind == PASS.CORRECT:
         correct(first, last, position, before, vectors, matrix, groups, coarse, sums)
-    elif kind == CENTRES:
+    elif kind == PASS.CENTRES:
         centre(first, last, position, groups, coarse)
-    elif kind == COARSE:
+    elif kind == PASS.COARSE:
         gather(first, last, position, rows, matrix.blocks, groups, coarse)
-    elif kind == RESTRICT:
+    elif kind == PASS.RESTRICT:
         restrict(first, last, position, vectors.residual, groups, coarse)
     else:
         direct(first, last, control.beta, vectors)
@@ -161,9 +135,9 @@ def matrix_pass(control, first, last, number, state, inputs, solver):
 @routine
 def items_of(kind, tetrahedra, particles, groups):
     """Return the number of items that bands divide: groups, or SUMMED tetrahedra or particles each."""
-    if kind in (CENTRES, COARSE, RESTRICT):
+    if kind in (PASS.CENTRES, PASS.COARSE, PASS.RESTRICT):
         return np.int64(groups)
-    of_elements = kind in (ENERGIES, BLOCKS)
+    of_elements = kind in (PASS.ENERGIES, PASS.BLOCKS)
     return ((tetrahedra if of_elements else particles) + SUMMED - 1) // SUMMED
 
 
@@ -184,24 +158,24 @@ def one_pass(control, band, bands, frame, number, state, inputs, solver):
     kind = control.next
     many = items_of(kind, len(elements.corners), len(position), len(solver.groups.starts) - 1)
     first, last = many * band // bands, many * (band + 1) // bands
-    if kind == BEGIN:
+    if kind == PASS.BEGIN:
         begin_groups(first, last, frame, number, state, inputs, vectors)
-    elif kind == ENERGIES:
+    elif kind == PASS.ENERGIES:
         energies(first, last, position, since_of(number, before, inputs, vectors), elements, matrix.forces, sums)
-    elif kind == BLOCKS:
+    elif kind == PASS.BLOCKS:
         since = since_of(number, before, inputs, vectors)
         blocks(first, last, position, since, elements, control.safe != 0, matrix.element_blocks)
-    elif kind == WEIGH:
+    elif kind == PASS.WEIGH:
         weigh(first, last, number, position, before, inputs, solver)
-    elif kind == MOVE:
-        move(first, last, control.share, position, before, vectors, sums)
-    elif kind == ACCEPT:
+    elif kind == PASS.MOVE:
+        move(first, last, control.fraction, position, before, vectors, sums)
+    elif kind == PASS.ACCEPT:
         accept(first, last, position, vectors)
-    elif kind == RETURN:
+    elif kind == PASS.RETURN:
         put(first, last, position, before, vectors.current)
-    elif kind == AHEAD:
+    elif kind == PASS.AHEAD:
         put(first, last, position, before, vectors.target)
-    elif kind == FINISH:
+    elif kind == PASS.FINISH:
         finish_groups(first, last, number, state, inputs, matrix)
     else:
         matrix_pass(control, first, last, number, state, inputs, solver)
@@ -217,35 +191,29 @@ def total(sums, place, groups):
 
 
 @routine
-def alone(kind, solver, first):
-    """Do the work of one thread between two passes. Returns the sum, or 1 if the coarse matrix is not positive."""
-    if kind == COARSE:
-        return 1.0 if factor(solver.coarse, solver.groups) else 0.0
-    if kind == RESTRICT:
-        solve(solver.coarse, solver.groups)
-    return first
-
-
-@routine
 def go_on(c, iterations, floor, particles, solver, done):
-    """Choose the next pass from the sums of the last one. `c`: the record of control_type."""
+    """Choose the next pass from the sums of the last one, and do passes of one thread. `c`: the record of control_type."""
     kind, sums = c.next, solver.sums
-    groups = ((len(solver.elements.corners) if kind == ENERGIES else particles) + SUMMED - 1) // SUMMED
-    first = alone(kind, solver, total(sums, 0, groups))
-    second = total(sums, 1, groups) if kind == ENERGIES else 0.0
+    groups = ((len(solver.elements.corners) if kind == PASS.ENERGIES else particles) + SUMMED - 1) // SUMMED
+    first = total(sums, 0, groups)
+    second = total(sums, 1, groups) if kind == PASS.ENERGIES else 0.0
     counts = Counts(c.phase, c.safe, c.products, c.steps, c.halvings)
-    values = Values(c.energy, c.trial, c.noise, c.squared, c.enough, c.alpha, c.beta, c.share, c.slope, c.unsure)
-    later, counts, values = after(kind, counts, values, first, second, iterations, floor)
+    values = Values(c.energy, c.trial, c.noise, c.squared, c.enough, c.alpha, c.beta, c.fraction, c.slope, c.unsure)
+    done[DONE.EVALUATIONS] += kind == PASS.ENERGIES
+    done[DONE.MATRICES] += kind == PASS.ROWS
+    done[DONE.PRODUCTS] += kind == PASS.PRODUCT
+    if kind == PASS.COARSE:
+        kind, first = PASS.FACTOR, 1.0 if factor(solver.coarse, solver.groups) else 0.0
+    elif kind == PASS.RESTRICT:
+        kind = PASS.SUBSTITUTE
+        solve(solver.coarse, solver.groups)
+    c.next, counts, values = after(kind, counts, values, first, second, iterations, floor)
     c.phase, c.safe, c.products, c.steps, c.halvings = counts
-    c.energy, c.trial, c.noise, c.squared, c.enough, c.alpha, c.beta, c.share, c.slope, c.unsure = values
-    done[EVALUATIONS] += kind == ENERGIES
-    done[MATRICES] += kind == ROWS
-    done[PRODUCTS] += kind == PRODUCT
-    if kind == FINISH:
-        done[SOLVES] += 1
-        done[STEPS] += counts.steps
+    c.energy, c.trial, c.noise, c.squared, c.enough, c.alpha, c.beta, c.fraction, c.slope, c.unsure = values
+    if kind == PASS.FINISH:
+        done[DONE.SOLVES] += 1
+        done[DONE.STEPS] += counts.steps
         c.solved += 1
-    c.next = later
 
 
 @routine

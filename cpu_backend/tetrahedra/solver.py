@@ -7,23 +7,24 @@ a step is one call per pass: contacts are searched and projected between them.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
 from softlab.cpu_backend.contact.surfaces import SurfaceContacts
 from softlab.cpu_backend.core.constraints import make_sweep_stage
 from softlab.cpu_backend.position_based.mesh import MeshPositionBased
-from softlab.cpu_backend.position_based.mesh_kernels import make_mesh_stages
 from softlab.cpu_backend.tetrahedra.sleep import make_sleep_stages
-from softlab.model.core.plan import Executor, Moment, Plan, StageRun
+from softlab.model.core.plan import Executor, Moment, Node, Plan, Stage, StageRun
 from softlab.model.particles.constraints import ConstraintSet, Projection
 from softlab.model.particles.tetrahedra.topology import neighbours
-from softlab.model.position_based.mesh_plan import TOUCHING
+from softlab.model.position_based.mesh_plan import FIND_CONTACTS, PROJECT_CONTACTS, TOUCH
 from softlab.model.scene.scene import Scene
 from softlab.model.tetrahedra.constraints import SLEEP, SLEEPING, constraint_sets, projections_of, tetrahedra_plan
 from softlab.model.tetrahedra.tables import cloth_lists
+
+SWEEP = "sweep"  # a stage: all colours of an iteration
 
 
 class Tetrahedra(MeshPositionBased):
@@ -50,10 +51,7 @@ class Tetrahedra(MeshPositionBased):
         """Contacts between bodies, or None."""
         if self.scene.contact is None:
             return None
-        return self._contacts_of(self.scene, self.real, self.options.math, self._bands, self._position[:, 3])
-
-    def _contacts_of(self, *arguments: Any) -> SurfaceContacts:
-        return SurfaceContacts(*arguments)
+        return SurfaceContacts(self.scene, self.real, self.options.math, self._bands, self._position[:, 3])
 
     def _parameters_changed(self) -> None:
         super()._parameters_changed()
@@ -64,8 +62,8 @@ class Tetrahedra(MeshPositionBased):
         stages, contacts = super()._stages(), self.contacts
         if contacts is not None:
             position, before = self._position, self._before
-            stages["find contacts"] = lambda moment: contacts.find(before, position)
-            stages["project contacts"] = lambda moment: contacts.project(before, position)
+            stages[FIND_CONTACTS] = lambda moment: contacts.find(before, position)
+            stages[PROJECT_CONTACTS] = lambda moment: contacts.project(before, position)
         if SLEEPING in self.plan.parts:
             stages[SLEEP] = self._sleep()
         return stages
@@ -87,9 +85,19 @@ class Tetrahedra(MeshPositionBased):
         return run
 
     @cached_property
-    def _staged(self) -> Executor:
-        """Return the executor of a step stage by stage."""
-        return Executor(self.plan, self._stages())
+    def _passes(self) -> Executor:
+        """Executor of a step, pass by pass; the colours of an iteration are one."""
+        begin, iteration, end = self.plan.substep_parts
+        touch, project = ([stage for stage in iteration if stage.name == name] for name in (TOUCH, PROJECT_CONTACTS))
+        sweep, method = make_sweep_stage(self.real, self.options.math, self._projections), self.scene.method
+
+        def run(moment: Moment) -> None:
+            position, before, bands = self._position, self._before, self._bands
+            sweep(bands, position, position, before, self._set_arrays, moment.fresh, self.parameters)
+
+        passes = Node("iteration", (*touch, Stage(SWEEP, 0, 0, 0), *project), method.iterations)
+        root = Node("step", (Node("substep", (*begin, passes, *end), method.substeps),))
+        return Executor(replace(self.plan, root=root), self._stages() | {SWEEP: run})
 
     @cached_property
     def _earlier(self) -> np.ndarray:
@@ -109,33 +117,7 @@ class Tetrahedra(MeshPositionBased):
             self._earlier[places] = state[1]
 
     def _advance(self, step: int, steps: int) -> None:
-        contacts, method, bands = self.contacts, self.scene.method, self._bands
-        if SLEEPING in self.plan.parts:
-            self._staged.run(step, steps)
-            return
-        if contacts is None:
+        if self.contacts is None and SLEEPING not in self.plan.parts:
             super()._advance(step, steps)
-            return
-        stage = make_mesh_stages(*self._variant())
-        sweep = make_sweep_stage(self.real, self.options.math, self._projections)
-        position, velocity, before, parameters = self._position, self._velocity, self._before, self.parameters
-        driven, touching = "motion" in self.plan.parts, TOUCHING in self.plan.parts
-        for number in range(step * method.substeps, (step + steps) * method.substeps):
-            now, lists = number // method.substeps, self._wind
-            stage.predict(bands, now, number, position, velocity, before, parameters, self.integers, lists)
-            if driven:
-                stage.pins(bands, number, position, velocity, parameters, self.bodies, self.driven)
-            contacts.find(before, position)
-            for iteration in range(method.iterations):
-                if touching:
-                    given = before, position, self._pushes, parameters, self.bodies, self.kinds
-                    stage.touch(bands, number, iteration == 0, *given)
-                sweep(bands, position, position, before, self._set_arrays, iteration == 0, parameters)
-                contacts.project(before, position)
-            if touching:
-                stage.release(bands, position, self._pushes)
-            stage.update(bands, before, position, velocity, parameters)
-            if self.scene.colliders:
-                stage.collide(bands, number, before, position, velocity, parameters, self.bodies, self.kinds)
-            if driven:
-                stage.pins(bands, number, position, velocity, parameters, self.bodies, self.driven)
+        else:
+            self._passes.run(step, steps)

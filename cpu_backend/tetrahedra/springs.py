@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from softlab.model.base.variant import routine
-from softlab.model.formulas.elastic.spring import pull
+from softlab.model.base.variant import routine, unrolled
+from softlab.model.formulas.elastic.spring import CORNERS, COUNT, pull
 
 
 @routine
@@ -21,14 +21,8 @@ def pulled(k, position, springs):
     for n in range(offsets[k], offsets[k + 1]):
         entry = entries[n]
         one = entry >> 4
-        points = (
-            row(position, corners[one, 0]), row(position, corners[one, 1]), row(position, corners[one, 2]),
-            row(position, corners[one, 3]), row(position, corners[one, 4]),
-        )  # fmt: skip
-        numbers = (
-            values[one, 0], values[one, 1], values[one, 2], values[one, 3], values[one, 4], values[one, 5],
-            values[one, 6], values[one, 7],
-        )  # fmt: skip
+        points = tuple(row(position, corners[one, m]) for m in unrolled(CORNERS))
+        numbers = tuple(values[one, m] for m in unrolled(COUNT))
         p, q, r, stiffness, energy = pull(points, numbers, (entry >> 1) & 7)
         x, y, z, hard = x + p, y + q, z + r, hard + stiffness
         if entry & 1:

@@ -33,6 +33,7 @@ from softlab.model.core.simulation import Options
 from softlab.model.geometry.tables import wind_lists
 from softlab.model.geometry.topology import mesh_of
 from softlab.model.particles.constraints import ConstraintSet, Projection
+from softlab.model.position_based import mesh_plan
 from softlab.model.position_based.mesh_constraints import attachment_set, constraint_sets, projections_of
 from softlab.model.position_based.mesh_plan import BODY_DAMPING, RELEASE, TOUCH, TOUCHING, stage_name, xpbd_mesh_plan
 from softlab.model.scene.scene import Scene
@@ -266,13 +267,13 @@ class MeshPositionBased(DrivenSimulation, SubstepSimulation):
         contacts = self.contacts
         touching: dict[str, StageRun] = {}
         if contacts:
-            touching["find contacts"] = lambda moment: contacts.find(before, position)
-            touching["project contacts"] = lambda moment: contacts.project(before, position)
+            touching[mesh_plan.FIND_CONTACTS] = lambda moment: contacts.find(before, position)
+            touching[mesh_plan.PROJECT_CONTACTS] = lambda moment: contacts.project(before, position)
         return (
             {name: colour(project) for name, project in self._colours}
             | touching
-            | {TOUCH: touch, RELEASE: lambda moment: self._release(position)}
-            | {"predict": predict, "pins": pins, "update velocity": update, "collide": collide}
+            | {TOUCH: touch, RELEASE: lambda moment: self._release(position), mesh_plan.PREDICT: predict}
+            | {mesh_plan.PINS.name: pins, mesh_plan.UPDATE: update, mesh_plan.COLLIDE: collide}
         )
 
     # ------------------------------------------------------------------ the contract

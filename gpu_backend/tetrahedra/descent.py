@@ -8,29 +8,47 @@ as the CPU.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from functools import partial
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from softlab.gpu_backend.contact.surfaces import SurfaceContacts
+from softlab.gpu_backend.core.compile import Kernel
 from softlab.gpu_backend.core.device import Arguments, DeviceArray
 from softlab.gpu_backend.core.quads import SIZE, pack
 from softlab.gpu_backend.core.substeps import launched_kernel
 from softlab.gpu_backend.position_based.mesh import THREADS
 from softlab.gpu_backend.tetrahedra.descent_contact import CarriedContacts
-from softlab.gpu_backend.tetrahedra.descent_kernels import make_accelerate, make_visits
+from softlab.gpu_backend.tetrahedra.descent_kernels import DescentArrays, make_accelerate, make_visits
 from softlab.gpu_backend.tetrahedra.solver import Tetrahedra
 from softlab.model.core.plan import Moment, Plan, StageRun
 from softlab.model.formulas.elastic.chebyshev import weights
 from softlab.model.formulas.elastic.descent import STRAINS
 from softlab.model.particles.constraints import ConstraintSet, Projection
+from softlab.model.position_based.mesh_plan import FIND_CONTACTS, PINS, PREDICT, PROJECT_CONTACTS
 from softlab.model.scene.scene import Scene
+from softlab.model.tetrahedra import descent as vbd
 from softlab.model.tetrahedra.constraints import DAMPED
-from softlab.model.tetrahedra.descent import ACCELERATE, CHEBYSHEV, Descent, descents, stage_name, vbd_plan, visited
+from softlab.model.tetrahedra.descent import CHEBYSHEV, Descent, descents, stage_name, vbd_plan, visited
 from softlab.model.tetrahedra.newton import holding
-from softlab.model.tetrahedra.springs import springs
+from softlab.model.tetrahedra.springs import SpringArrays, springs
 
-Launch = Callable[[Any, Any, Any, Any], None]  # (before, velocity, position: quads; time: see _drive)
+
+class Substep(NamedTuple):
+    """What launches of a substep read: positions and velocities at its start, positions that are iterated, velocities at its
+    end (quads); arguments of `clock`; number of the iteration."""
+
+    before: DeviceArray
+    velocity: DeviceArray
+    position: DeviceArray
+    new_velocity: DeviceArray
+    time: Arguments
+    iteration: int = 0
+
+
+Launch = Callable[[Substep], None]
 
 
 class VertexBlockDescent(Tetrahedra):
@@ -59,69 +77,79 @@ class VertexBlockDescent(Tetrahedra):
         self._inertial = self.new_array()  # positions by inertia and all forces except elastic ones
         super()._allocate()
 
-    def _contacts_of(self, *arguments: Any) -> SurfaceContacts:
-        return CarriedContacts(*arguments, inertial=self._inertial)
+    def _contacts(self) -> SurfaceContacts | None:
+        if self.scene.contact is None:
+            return None
+        return CarriedContacts(self.scene, self.real, self.options.math, self._weight, self.stream, self._inertial)
 
     def _build(self) -> None:
-        self._first: list[tuple[str, Launch]] = []  # stages of a substep before its iterations
-        self._visits: list[tuple[str, Launch]] = []
-        spring_set = springs(self.scene.tetrahedra_set, "vbd").arrays(self.real)
+        """Bind the stages before the end of a substep, by name, and compile all."""
         method, size = self.scene.method, 2 * SIZE * self.particle_count
         self._accelerate = make_accelerate(self.real, self.options.math)
-        self._iterates = self.on_device(np.zeros(size, self.real)) if CHEBYSHEV in self.plan.parts else None
+        self._iterates = self.on_device(np.zeros(size if CHEBYSHEV in self.plan.parts else 0, self.real))
         self._weights = weights(method.chebyshev, method.iterations, self.real)
-        self._holds = self.on_device(holding(self.scene.tetrahedra_set).astype(self.real))
-        self._springs = tuple(
-            self.on_device(one if one.size else np.zeros(1, one.dtype)) for one in map(np.ravel, spring_set)
-        )
+        self._launch_of: dict[str, Launch] = {
+            PREDICT: self._predict,
+            PINS.name: self._move_pins,
+            FIND_CONTACTS: self._find,
+            PROJECT_CONTACTS: self._project,
+            vbd.ACCELERATE: self._extrapolate,
+        }
+        holds = self.on_device(holding(self.scene.tetrahedra_set).astype(self.real))
+        spring_arrays = SpringArrays(*map(self.on_device, springs(self.scene.tetrahedra_set, "vbd").arrays(self.real)))
         for descent in descents(self.scene):
-            self._bind(descent)
+            self._bind(descent, spring_arrays, holds)
         super()._build()
 
-    def _bind(self, descent: Descent) -> None:
-        """Insert the stages of a material into the stages of a step."""
-        damped, real, count = DAMPED in self.plan.parts, self.real, np.int32(len(descent.corners))
-        kernels = make_visits(real, self.options.math, descent.number, damped, visited(self.plan.parts))
-        corners, values = self.on_device(pack(descent.corners)), self.on_device(pack(descent.values.astype(real)))
-        order, offsets, entries = map(self.on_device, (descent.order, descent.offsets, descent.entries))
-        strains = self.on_device(np.zeros(STRAINS * len(descent.corners) if damped else 1, real))
-        all_of, every = self._over(len(descent.corners), THREADS), np.int32(len(descent.order))
-        each, falls = self._over(len(descent.order), THREADS), self.on_device(descent.falls)
-
-        def remember(before: DeviceArray, velocity: DeviceArray, position: DeviceArray, time: Any) -> None:
-            kernels.remember[all_of](before, corners, values, strains, count)
-
-        def start(before: DeviceArray, velocity: DeviceArray, position: DeviceArray, time: Any) -> None:
-            kernels.start[each](before, velocity, self._inertial, position, order, falls, every, self.record)
-
-        def descend(first: int, stop: int) -> Launch:
-            launch, bounds = self._over(stop - first, THREADS), (np.int32(first), np.int32(stop), count)
-            return lambda before, velocity, position, time: kernels.descend[launch](
-                position,
-                self._inertial,
-                order,
-                offsets,
-                entries,
-                corners,
-                values,
-                strains,
-                *self._springs,
-                before,
-                self._holds,
-                *bounds,
-                self.record,
-                self.bodies,
-                self.integers,
-                *time,
-            )
-
+    def _bind(self, descent: Descent, spring_arrays: SpringArrays, holds: DeviceArray) -> None:
+        """Bind the stages of a material."""
+        damped, put, count = DAMPED in self.plan.parts, self.on_device, len(descent.corners)
+        kernels = make_visits(self.real, self.options.math, descent.number, damped, visited(self.plan.parts))
+        values, strains = pack(descent.values.astype(self.real)), np.zeros(STRAINS * count * damped, self.real)
+        arrays = DescentArrays(
+            *map(put, (descent.order, descent.offsets, descent.entries, descent.falls, pack(descent.corners))),
+            put(values), put(strains), spring_arrays, holds, np.int32(count),
+        )  # fmt: skip
+        launch_of, material, vertices = self._launch_of, descent.material, np.int32(len(descent.order))
         if damped:
-            self._first.append((stage_name("strain", descent.material), remember))
-        self._first.append((stage_name("start", descent.material), start))
-        bounds = descent.starts.tolist()
-        for colour in range(descent.colours):
-            name = stage_name("descend", descent.material, colour)
-            self._visits.append((name, descend(*bounds[colour : colour + 2])))
+            launch_of[stage_name(vbd.STRAIN, material)] = partial(self._remember, kernels.remember, arrays)
+        launch_of[stage_name(vbd.START, material)] = partial(self._start_sweeps, kernels.start, arrays, vertices)
+        for colour, (first, stop) in enumerate(pairwise(map(np.int32, descent.starts))):
+            visit = partial(self._descend, kernels.descend, arrays, first, stop)
+            launch_of[stage_name(vbd.DESCEND, material, colour)] = visit
+
+    # ------------------------------------------------------------------ stages
+
+    def _predict(self, at: Substep) -> None:
+        self._brake(at.velocity)
+        self._begin[self._flat](
+            at.before, at.velocity, self._inertial, *self._lists, self.record, self.integers, *at.time
+        )
+
+    def _remember(self, kernel: Kernel, arrays: DescentArrays, at: Substep) -> None:
+        kernel[self._over(int(arrays.count), THREADS)](at.before, arrays)
+
+    def _start_sweeps(self, kernel: Kernel, arrays: DescentArrays, vertices: np.int32, at: Substep) -> None:
+        kernel[self._over(int(vertices), THREADS)](
+            at.before, at.velocity, self._inertial, at.position, arrays, vertices, self.record
+        )
+
+    def _descend(self, kernel: Kernel, arrays: DescentArrays, first: np.int32, stop: np.int32, at: Substep) -> None:
+        kernel[self._over(int(stop - first), THREADS)](
+            at.before, self._inertial, at.position, arrays, first, stop, self.record, self.bodies, self.integers, at.time
+        )  # fmt: skip
+
+    def _extrapolate(self, at: Substep) -> None:
+        self._accelerate[self._flat](at.position, self._iterates, self._weights[at.iteration])
+
+    def _move_pins(self, at: Substep) -> None:
+        self._drive(at.position, at.new_velocity, at.time)
+
+    def _find(self, at: Substep) -> None:
+        self.contacts.find(at.before, at.position)
+
+    def _project(self, at: Substep) -> None:
+        self.contacts.project(at.before, at.position)
 
     # ------------------------------------------------------------------ a step
 
@@ -135,55 +163,29 @@ class VertexBlockDescent(Tetrahedra):
         before, velocity = self.position[self._current], self.velocity[self._current]
         self._current = 1 - self._current
         now, new_velocity = self.position[self._current], self.velocity[self._current]
-        self._substep_time = time = self._when(place, substep)
-        self._brake(velocity)
-        self._begin[self._flat](before, velocity, self._inertial, *self._lists, self.record, self.integers, *time)
-        for _, launch in self._first:
-            launch(before, velocity, now, time)
-        self._drive(now, new_velocity, time)
-        if self.contacts:
-            self.contacts.find(before, now)
+        self._substep_now = Substep(before, velocity, now, new_velocity, self._when(place, substep))
+        for stage in self.plan.substep_parts[0]:
+            self._launch_of[stage.name](self._substep_now)
 
     def iterate(self, iteration: int) -> None:
         """Launch an iteration (SubstepSimulation)."""
-        before, now = self.substep_start, self.position[self._current]
-        for _, launch in self._visits:
-            launch(before, self.velocity[1 - self._current], now, self._substep_time)
-        self._go_on(now, iteration)
-        if self.contacts:
-            self.contacts.project(before, now)
-
-    def _go_on(self, position: DeviceArray, iteration: int) -> None:
-        """Launch the acceleration of sweeps, if the plan has it."""
-        if self._iterates is not None:
-            self._accelerate[self._flat](position, self._iterates, self._weights[iteration])
-
-    @property
-    def _launches(self) -> int:
-        method = self.scene.method
-        more = 2 * (self._pins is not None) + (self._slow is not None)
-        find, project = (self.contacts.finding, self.contacts.projecting) if self.contacts else (0, 0)
-        more += len(self._first) + find
-        return method.substeps * (
-            2 + more + method.iterations * (len(self._visits) + project + (self._iterates is not None))
-        )
-
-    def _time(self, moment: Moment) -> Arguments:
-        return self._counter, np.int64(0), np.int64(moment.substeps), np.int64(moment.substep)
+        for stage in self.plan.substep_parts[1]:
+            self._launch_of[stage.name](self._substep_now._replace(iteration=iteration))
 
     def _stages(self) -> dict[str, StageRun]:
         position, velocity, before = self.position[0], self.velocity[0], self.position[1]
 
+        def at(moment: Moment) -> Substep:
+            time = self._counter, np.int64(0), np.int64(moment.substeps), np.int64(moment.substep)
+            return Substep(before, velocity, position, velocity, time, moment.iteration)
+
+        def bound(launch: Launch) -> StageRun:
+            return lambda moment: launch(at(moment))
+
         def predict(moment: Moment) -> None:
             before.copy_to_device(position, stream=self.stream)
             self._set_counter(moment.step)
-            time = self._time(moment)
-            self._brake(velocity)
-            self._begin[self._flat](before, velocity, self._inertial, *self._lists, self.record, self.integers, *time)
+            self._predict(at(moment))
 
-        def run(launch: Launch) -> StageRun:
-            return lambda moment: launch(before, velocity, position, self._time(moment))
-
-        stages = {name: run(launch) for name, launch in (*self._first, *self._visits)}
-        stages[ACCELERATE] = lambda moment: self._go_on(position, moment.iteration)
-        return super()._stages() | stages | {"predict": predict}
+        stages = {name: bound(launch) for name, launch in self._launch_of.items()}
+        return super()._stages() | stages | {PREDICT: predict}

@@ -21,6 +21,7 @@ from softlab.model.formulas.elastic.descent import added, carried
 from softlab.model.formulas.elastic.friction import heading, rubbed, slid, sliding, straight, unit
 from softlab.model.formulas.elastic.newton import outer
 from softlab.model.formulas.elastic.solving import scaled
+from softlab.model.scene.scene import Scene
 
 
 @inlined_routine
@@ -74,9 +75,9 @@ def make_carry(real: Real, math: str) -> SimpleNamespace:
 class CarriedContacts(SurfaceContacts):
     """Contacts of surfaces, as in cpu_backend/tetrahedra/descent_contact.py. `inertial`: quads, on the device."""
 
-    def __init__(self, *arguments: Any, inertial: Any):
-        super().__init__(*arguments)
-        self._inertial, self._carry = inertial, make_carry(*arguments[1:3])
+    def __init__(self, scene: Scene, real: Any, math: str, weights: np.ndarray, stream: Any, inertial: Any):
+        super().__init__(scene, real, math, weights, stream)
+        self._inertial, self._carry = inertial, make_carry(real, math)
         self._earlier = self._new(np.zeros(inertial.size, self._real))
 
     @property

@@ -8,12 +8,14 @@ from __future__ import annotations
 
 from functools import cache
 from types import SimpleNamespace
+from typing import NamedTuple
 
 import numpy as np
 from numba import cuda
 
 from softlab.gpu_backend.contact.colliders import collide
 from softlab.gpu_backend.core.compile import Kernel, kernel_options, kernels_of, make_kernel, variant_name
+from softlab.gpu_backend.core.device import DeviceArray
 from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.integers import clock, knows_time
 from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
@@ -21,13 +23,29 @@ from softlab.gpu_backend.core.world import World
 from softlab.gpu_backend.tetrahedra.descent_contact import add_contact
 from softlab.gpu_backend.tetrahedra.springs import pulled, xyz
 from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, filled, inlined_routine, routine
+from softlab.model.base.variant import FEATURE, filled, inlined_routine, routine, unrolled
 from softlab.model.formulas.elastic.chebyshev import beyond
 from softlab.model.formulas.elastic.descent import STRAINS, SUMS, added, coasted, element, initial_strain, moved
 from softlab.model.tetrahedra.descent import RATE, SCALE
 from softlab.model.tetrahedra.springs import SpringArrays, kernel_features
 
 NO_STRAINS, NO_SUMS = (0.0,) * STRAINS, (0.0,) * SUMS
+
+
+class DescentArrays(NamedTuple):
+    """Arrays of a material: its vertices, ordered, with their lists of tetrahedra, 1 for those that fall freely; corners,
+    values and strains of its `count` tetrahedra. Of all materials: springs; stiffness that holds each particle [N/m]."""
+
+    order: DeviceArray
+    offsets: DeviceArray
+    entries: DeviceArray
+    falls: DeviceArray
+    corners: DeviceArray
+    values: DeviceArray
+    strains: DeviceArray
+    springs: SpringArrays
+    holds: DeviceArray
+    count: np.int32
 
 
 @routine
@@ -50,10 +68,7 @@ def accelerate(position, iterates, w):
 def points_of(position, corners, t):
     """Return the corners of tetrahedron t."""
     c = load_quad(corners, np.int32(t))
-    return (
-        xyz(load_quad(position, c[0])), xyz(load_quad(position, c[1])), xyz(load_quad(position, c[2])),
-        xyz(load_quad(position, c[3])),
-    )  # fmt: skip
+    return tuple(xyz(load_quad(position, c[n])) for n in unrolled(4))
 
 
 @inlined_routine
@@ -65,77 +80,58 @@ def values_of(values, count, t):
 
 
 @inlined_routine
-def strain_at(strains, count, t, n):
-    """Return strain n of tetrahedron t of `count`."""
-    return strains[np.uint32(np.int32(n * count) + t)]
-
-
-@inlined_routine
 def strains_of(strains, count, t):
-    return (
-        strain_at(strains, count, t, 0), strain_at(strains, count, t, 1), strain_at(strains, count, t, 2),
-        strain_at(strains, count, t, 3), strain_at(strains, count, t, 4), strain_at(strains, count, t, 5),
-    )  # fmt: skip
-
-
-@inlined_routine
-def store_strains(strains, count, t, strain):
-    a, b, c, d, e, f = strain
-    strains[np.uint32(t)], strains[np.uint32(count + t)] = a, b
-    strains[np.uint32(2 * count + t)], strains[np.uint32(3 * count + t)] = c, d
-    strains[np.uint32(4 * count + t)], strains[np.uint32(5 * count + t)] = e, f
+    """Return the strains of tetrahedron t of `count`."""
+    return tuple(strains[np.uint32(np.int32(n * count) + t)] for n in unrolled(STRAINS))
 
 
 @routine
-def remember(before, corners, values, strains, size):
+def remember(before, arrays):
     """Write the strains of a material's tetrahedra at the start of a substep."""
-    t = np.int32(cuda.grid(1))
-    count = np.int32(size)
+    t, count = np.int32(cuda.grid(1)), np.int32(arrays.count)
     if t < count:
-        strain = initial_strain(points_of(before, corners, t), values_of(values, count, t))
-        store_strains(strains, count, t, strain)
+        strain = initial_strain(points_of(before, arrays.corners, t), values_of(arrays.values, count, t))
+        for n in unrolled(STRAINS):
+            arrays.strains[np.uint32(n * count + t)] = strain[n]
 
 
 @routine
-def start(before, velocity, inertial, position, order, falls, stop, record):
+def start(before, velocity, inertial, position, arrays, stop, record):
     """Write the start of the iterations of the vertices before `stop` of the order, also pinned ones."""
     k = np.int32(cuda.grid(1))
     if k < stop:
-        vertex = order[k]
+        vertex = arrays.order[k]
         b, p = load_quad(before, vertex), load_quad(inertial, vertex)
         x, y, z = xyz(p)
-        if falls[k] == 0:
+        if arrays.falls[k] == 0:
             x, y, z = coasted(xyz(b), xyz(load_quad(velocity, vertex)), record[0].dt)
         store_quad(position, vertex, x, y, z, b[3])
 
 
 @routine
-def descend(
-    position, inertial, order, offsets, entries, corners, values, strains, spring_offsets, sprung_entries, ends,
-    numbers, before, holds, first, stop, size, record, bodies, integers, counter, place, substeps, substep,
-):  # fmt: skip
-    """Visit the vertices of a colour. `spring_offsets` to `numbers`: of springs; `holds` (particles,) [N/m]; both are read if
-    the variant has them. `size`: tetrahedra of the material."""
-    parameters = record[0]
-    k, count = np.int32(first + cuda.grid(1)), np.int32(size)
+def descend(before, inertial, position, arrays, first, stop, record, bodies, integers, time):
+    """Visit the vertices `first` to before `stop` of the order, of one colour; `time`: arguments of `clock`."""
+    parameters, strains = record[0], arrays.strains
+    k, count = np.int32(first + cuda.grid(1)), np.int32(arrays.count)
     if k < stop:
-        vertex, rate = order[k], parameters[RATE]
+        vertex, rate = arrays.order[k], parameters[RATE]
         sums = NO_SUMS
-        for n in range(offsets[k], offsets[k + 1]):
-            t, corner = entries[n] >> 2, entries[n] & np.int32(3)
+        for n in range(arrays.offsets[k], arrays.offsets[k + 1]):
+            t, corner = arrays.entries[n] >> 2, arrays.entries[n] & np.int32(3)
             old = NO_STRAINS
             if FEATURE.damped:
                 old = strains_of(strains, count, t)
-            points = points_of(position, corners, t)
-            sums = added(sums, element(points, values_of(values, count, t), old, corner, rate))
+            points = points_of(position, arrays.corners, t)
+            sums = added(sums, element(points, values_of(arrays.values, count, t), old, corner, rate))
         if FEATURE.springs:
-            x, y, z, hard, _ = pulled(vertex, position, SpringArrays(spring_offsets, sprung_entries, ends, numbers))
+            x, y, z, hard, _ = pulled(vertex, position, arrays.springs)
             sums = added(sums, (x, y, z, hard, hard, hard, 0.0, 0.0, 0.0))
         p = load_quad(position, vertex)
         if FEATURE.colliders:
+            counter, place, substeps, substep = time
             _, number = clock(counter, place, substeps, substep)
             world = World(parameters, bodies, integers)
-            sums = add_contact(sums, load_quad(before, vertex), p, holds[vertex], world, number)
+            sums = add_contact(sums, load_quad(before, vertex), p, arrays.holds[vertex], world, number)
         x, y, z = moved(xyz(p), xyz(load_quad(inertial, vertex)), p[3], parameters[SCALE], sums)
         store_quad(position, vertex, x, y, z, p[3])
 

@@ -12,7 +12,7 @@ from numba import cuda
 from softlab.gpu_backend.core.quads import load_quad, store_quad
 from softlab.gpu_backend.tetrahedra.newton_elements import load_block, load_six
 from softlab.gpu_backend.tetrahedra.newton_sums import CAPACITY, TEAM, TEAMS, add_team, synchronize_team
-from softlab.model.base.variant import inlined_routine, real
+from softlab.model.base.variant import inlined_routine, real, unrolled
 from softlab.model.formulas.elastic.coarse import arm, columns, moment, motion, pivot, scale_of
 from softlab.model.formulas.elastic.newton import moved
 from softlab.model.formulas.elastic.solving import dot, times
@@ -20,6 +20,7 @@ from softlab.model.tetrahedra.aggregates import MODES, MOST
 
 TILE = 64  # blocks of a pair of groups that are projected onto rigid motions at once
 ENTRIES = MODES * MODES
+NO_MOMENTS = (0.0,) * MODES
 assert max((TILE + 1) * ENTRIES, TEAMS * MODES * MOST, TEAMS * MODES * TEAM) <= CAPACITY
 
 
@@ -79,14 +80,13 @@ def restrict(group, solver, shared):
     lane, base = place_of()
     first, last, running = solver.groups.starts[group], solver.groups.starts[group + 1], 0.0
     for begin in range(first, last, np.int32(TEAM)):
-        a, b, c, d, e, f = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        moments = NO_MOMENTS
         if begin + lane < last:
             k = solver.groups.members[begin + lane]
             r = load_quad(v.residual, k)
-            a, b, c, d, e, f = moment(arm_of(k, group, v, coarse), r[0], r[1], r[2])
-        at = np.int32(base + lane)
-        shared[at], shared[at + TEAM], shared[at + 2 * TEAM] = a, b, c
-        shared[at + 3 * TEAM], shared[at + 4 * TEAM], shared[at + 5 * TEAM] = d, e, f
+            moments = moment(arm_of(k, group, v, coarse), r[0], r[1], r[2])
+        for mode in unrolled(MODES):
+            shared[base + lane + mode * TEAM] = moments[mode]
         running = add_team(shared, base, np.int32(MODES), lane, running)
     if lane < MODES:
         coarse.solved[MODES * group + lane] = running
@@ -143,7 +143,7 @@ def factor(body, solver):
     band, width, bad, last_inverse, last_many = coarse.band, coarse.width, 0.0, 0.0, np.int32(0)
     for k in range(MODES * solver.pairs.bodies[body], MODES * solver.pairs.bodies[body + 1]):
         cuda.syncthreads()
-        row, many = np.int32(k * width), np.int32(solver.groups.reach[k] - k)
+        row, many = np.int32(k * width), np.int32(solver.groups.last_column[k] - k)
         inverse, negative = pivot(band[row], coarse.entries[k])
         if negative:
             bad = 1.0
@@ -172,7 +172,7 @@ def solve(body, solver, shared):
         shared[base + k - first] = coarse.solved[k]
     synchronize_team()
     for k in range(first, last):
-        at, row, many = np.int32(base + k - first), np.int32(k * width), np.int32(solver.groups.reach[k] - k)
+        at, row, many = np.int32(base + k - first), np.int32(k * width), np.int32(solver.groups.last_column[k] - k)
         y = times(coarse.pivots[k], shared[at])
         for j in range(lane + 1, many + 1, TEAM):
             shared[at + j] = moved(shared[at + j], -y, band[row + j])
@@ -185,7 +185,7 @@ def solve(body, solver, shared):
         at = np.int32(base + k - first)
         y = times(coarse.pivots[k], shared[at])
         i = np.int32(k - 1 - lane)
-        while i >= first and solver.groups.reach[i] >= k:
+        while i >= first and solver.groups.last_column[i] >= k:
             shared[base + i - first] = moved(shared[base + i - first], -y, band[i * width + k - i])
             i = np.int32(i - TEAM)
         synchronize_team()

@@ -10,7 +10,7 @@ import numpy as np
 
 from softlab.gpu_backend.core.quads import load_quad, store_quad
 from softlab.gpu_backend.tetrahedra.springs import xyz
-from softlab.model.base.variant import FEATURE, inlined_routine
+from softlab.model.base.variant import FEATURE, inlined_routine, unrolled
 from softlab.model.formulas.constraints.tetrahedron import HOOKEAN
 from softlab.model.formulas.elastic.damper import beyond, increment, positive, resisted, squared, stressed
 from softlab.model.formulas.elastic.damper import block as damped_block
@@ -29,26 +29,20 @@ from softlab.model.tetrahedra.newton import AT_ALPHA, AT_DAMPING, AT_LAME, AT_MU
 def load_block(array, place):
     """Return a block of an array: nine numbers, by rows."""
     k = np.int32(9 * place)
-    return (
-        array[k], array[k + 1], array[k + 2], array[k + 3], array[k + 4], array[k + 5], array[k + 6], array[k + 7],
-        array[k + 8],
-    )  # fmt: skip
+    return tuple(array[k + n] for n in unrolled(9))
 
 
 @inlined_routine
 def store_block(array, place, m):
     k = np.int32(9 * place)
-    array[k], array[k + 1], array[k + 2], array[k + 3], array[k + 4] = m[0], m[1], m[2], m[3], m[4]
-    array[k + 5], array[k + 6], array[k + 7], array[k + 8] = m[5], m[6], m[7], m[8]
+    for n in unrolled(9):
+        array[k + n] = m[n]
 
 
 @inlined_routine
 def load_six(array, first, step):
     """Return six numbers that are `step` apart."""
-    return (
-        array[first], array[step + first], array[2 * step + first], array[3 * step + first], array[4 * step + first],
-        array[5 * step + first],
-    )  # fmt: skip
+    return tuple(array[n * step + first] for n in unrolled(6))
 
 
 @inlined_routine
@@ -59,12 +53,7 @@ def transposed(m):
 @inlined_routine
 def rest_of(values, count, n):
     """Return B of tetrahedron n of `count`."""
-    return (
-        values[np.uint32(n)], values[np.uint32(np.int32(count) + n)], values[np.uint32(np.int32(2 * count) + n)],
-        values[np.uint32(np.int32(3 * count) + n)], values[np.uint32(np.int32(4 * count) + n)],
-        values[np.uint32(np.int32(5 * count) + n)], values[np.uint32(np.int32(6 * count) + n)],
-        values[np.uint32(np.int32(7 * count) + n)], values[np.uint32(np.int32(8 * count) + n)],
-    )  # fmt: skip
+    return tuple(values[np.uint32(np.int32(m * count) + n)] for m in unrolled(9))
 
 
 @inlined_routine
@@ -97,18 +86,12 @@ def changed(n, position, other, corners, rest):
 def viscous(n, v, f, rest, number, corners, mu, lame):
     """Return (D, N) of tetrahedron n, as on the CPU."""
     if FEATURE.two_stages and number % 2 == 1:
-        e = increment(f, changed(n, v.position, v.middle, corners, rest))
-        f = deformed(n, v.middle, corners, rest)
-        e = beyond(e, increment(f, changed(n, v.middle, v.origin, corners, rest)))
+        e = increment(f, changed(n, v.position, v.first_end, corners, rest))
+        f = deformed(n, v.first_end, corners, rest)
+        e = beyond(e, increment(f, changed(n, v.first_end, v.first_start, corners, rest)))
     else:
         e = increment(f, changed(n, v.position, v.before, corners, rest))
     return resisted(e, mu, lame)
-
-
-@inlined_routine
-def store_force(forces, place, volume, g):
-    x, y, z = scaled(volume, g[0], g[1], g[2])
-    store_quad(forces, place, x, y, z, 0.0)
 
 
 @inlined_routine
@@ -129,12 +112,10 @@ def energies(n, count, solver, rate, number):
         lost, pull = viscous(n, v, f, rest, number, corners, mu, lame)
         p = stressed(p, f, pull)
         energy, unsure = energy + times(volume, lost), unsure + doubt(lost, volume, mu, lame, False)
-    a, b, c, d = at_corners(p, rest)
-    first = np.int32(4 * n)
-    store_force(forces, first, volume, a)
-    store_force(forces, np.int32(first + 1), volume, b)
-    store_force(forces, np.int32(first + 2), volume, c)
-    store_force(forces, np.int32(first + 3), volume, d)
+    g = at_corners(p, rest)
+    for corner in unrolled(4):
+        x, y, z = scaled(volume, g[corner][0], g[corner][1], g[corner][2])
+        store_quad(forces, np.int32(4 * n + corner), x, y, z, 0.0)
     return energy, unsure
 
 

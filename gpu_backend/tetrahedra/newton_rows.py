@@ -7,29 +7,18 @@ As cpu_backend/tetrahedra/newton_rows.py. Vectors are quads; those of a pinned p
 from __future__ import annotations
 
 import numpy as np
+from numba import cuda
 
 from softlab.gpu_backend.core.quads import load_quad, store_quad
+from softlab.gpu_backend.tetrahedra.newton_coarse import corrected
 from softlab.gpu_backend.tetrahedra.newton_contact import nearly_within, within
 from softlab.gpu_backend.tetrahedra.newton_elements import added, load_block, load_six, store_block, transposed
 from softlab.gpu_backend.tetrahedra.springs import pulled
-from softlab.model.base.variant import FEATURE, inlined_routine
+from softlab.model.base.variant import FEATURE, inlined_routine, unrolled
 from softlab.model.formulas.elastic.deformation import times
-from softlab.model.formulas.elastic.newton import (
-    AHEAD,
-    CORRECT,
-    DIRECTION,
-    MOVE,
-    PRODUCT,
-    RETURN,
-    SOLVE,
-    UPDATE,
-    inertia_of,
-    inertial_energy,
-    inverse,
-    moved,
-    outer,
-)
+from softlab.model.formulas.elastic.newton import inertia_of, inertial_energy, inverse, moved, outer
 from softlab.model.formulas.elastic.solving import dot, preconditioned, scaled
+from softlab.model.tetrahedra.newton import SUMMED
 
 
 @inlined_routine
@@ -43,6 +32,17 @@ def block_of(n, rows, element_blocks):
             m = transposed(m)
         s = added(s, m)
     return s
+
+
+@inlined_routine
+def assemble(group, particles, rows, matrix):
+    """Write the rows of SUMMED particles, the sums of the blocks of their tetrahedra, for a block of threads."""
+    t, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
+    first = np.int32(group * SUMMED)
+    last = np.int32(min(np.int32(first + SUMMED), particles))
+    for n in range(rows.starts[first] + t, rows.starts[last], threads):
+        store_block(matrix.blocks, n, block_of(n, rows, matrix.element_blocks))
+    cuda.syncthreads()
 
 
 @inlined_routine
@@ -75,50 +75,17 @@ def settle_row(k, particles, solver, world, number):
             xx, xy, xz, yx, yy, yz = xx + s, xy + t, xz + u, yx + t, yy + p, yz + q
             zx, zy, zz = zx + u, zy + q, zz + r
         store_block(matrix.blocks, n, (xx, xy, xz, yx, yy, yz, zx, zy, zz))
-        s, t, u, p, q, r, good = inverse(xx, xy, xz, yy, yz, zz)
-        store_six(matrix.inverses, particles, k, s, t, u, p, q, r)
-        if not good:
+        inverted = inverse(xx, xy, xz, yy, yz, zz)
+        for n in unrolled(6):
+            matrix.inverses[n * particles + k] = inverted[n]
+        if not inverted[6]:
             bad = 1.0
     return bad
 
 
 @inlined_routine
-def store_six(array, count, k, a, b, c, d, e, f):
-    array[k], array[count + k], array[2 * count + k] = a, b, c
-    array[3 * count + k], array[4 * count + k], array[5 * count + k] = d, e, f
-
-
-@inlined_routine
 def moved_3(a, fraction, b):
     return moved(a[0], fraction, b[0]), moved(a[1], fraction, b[1]), moved(a[2], fraction, b[2])
-
-
-@inlined_routine
-def solve(kind, k, particles, solver, added, alpha, beta):
-    """Do particle k's part of a pass of conjugate gradients, and return its summand; `added`: the coarse level's
-    correction of the residual there."""
-    v, matrix, total = solver.vectors, solver.matrix, 0.0
-    if kind == PRODUCT:
-        x, y, z = apply(k, solver.rows, matrix.blocks, v.direction)
-        store_quad(v.product, k, x, y, z, 0.0)
-        d = load_quad(v.direction, k)
-        total = dot(d[0], d[1], d[2], x, y, z)
-    elif kind == UPDATE:
-        d, q = load_quad(v.direction, k), load_quad(v.product, k)
-        x, y, z = moved_3(load_quad(v.solution, k), alpha, d)
-        store_quad(v.solution, k, x, y, z, 0.0)
-        x, y, z = moved_3(load_quad(v.residual, k), -alpha, q)
-        store_quad(v.residual, k, x, y, z, 0.0)
-    elif kind == CORRECT:
-        r = load_quad(v.residual, k)
-        x, y, z = preconditioned(load_six(matrix.inverses, k, particles), r[0], r[1], r[2])
-        x, y, z = x + added[0], y + added[1], z + added[2]
-        store_quad(v.better, k, x, y, z, 0.0)
-        total = dot(r[0], r[1], r[2], x, y, z)
-    elif kind == DIRECTION:
-        x, y, z = moved_3(load_quad(v.better, k), beta, load_quad(v.direction, k))
-        store_quad(v.direction, k, x, y, z, 0.0)
-    return total
 
 
 @inlined_routine
@@ -131,7 +98,7 @@ def weigh(k, solver, world, number):
     x, y, z = at[0] - target[0], at[1] - target[1], at[2] - target[2]
     total = inertial_energy(inertia, x, y, z)
     x, y, z = scaled(inertia, x, y, z)
-    for n in range(rows.meets[k], rows.meets[k + 1]):
+    for n in range(rows.corner_starts[k], rows.corner_starts[k + 1]):
         f = load_quad(matrix.forces, rows.corners[n])
         x, y, z = x + f[0], y + f[1], z + f[2]
     if FEATURE.springs:
@@ -146,31 +113,71 @@ def weigh(k, solver, world, number):
 
 
 @inlined_routine
-def put(k, v, b, x, y, z):
-    store_quad(v.position, k, x, y, z, b[3])
+def begin_solve(k, v):
+    """Start conjugate gradients at particle k."""
+    g = load_quad(v.gradient, k)
+    store_quad(v.solution, k, 0.0, 0.0, 0.0, 0.0)
+    store_quad(v.residual, k, -g[0], -g[1], -g[2], 0.0)
+    store_quad(v.direction, k, 0.0, 0.0, 0.0, 0.0)
 
 
 @inlined_routine
-def move(kind, k, v, fraction):
-    """Do particle k's part of a pass that only moves it. Returns its summand in MOVE."""
-    b, total = load_quad(v.before, k), 0.0
-    if kind == MOVE:
-        c, s, g = load_quad(v.current, k), load_quad(v.solution, k), load_quad(v.gradient, k)
-        put(k, v, b, moved(c[0], fraction, s[0]), moved(c[1], fraction, s[1]), moved(c[2], fraction, s[2]))
-        total = dot(g[0], g[1], g[2], s[0], s[1], s[2])
-    elif kind == SOLVE:
-        g = load_quad(v.gradient, k)
-        store_quad(v.solution, k, 0.0, 0.0, 0.0, 0.0)
-        store_quad(v.residual, k, -g[0], -g[1], -g[2], 0.0)
-        store_quad(v.direction, k, 0.0, 0.0, 0.0, 0.0)
-    elif kind == RETURN:
-        c = load_quad(v.current, k)
-        put(k, v, b, c[0], c[1], c[2])
-    elif kind == AHEAD:
-        c = load_quad(v.target, k)
-        put(k, v, b, c[0], c[1], c[2])
-    else:
-        p, g = load_quad(v.position, k), load_quad(v.trial, k)
-        store_quad(v.current, k, p[0], p[1], p[2], 0.0)
-        store_quad(v.gradient, k, g[0], g[1], g[2], 0.0)
-    return total
+def multiply(k, rows, blocks, v):
+    """Write the product of the matrix with the direction. Returns its scalar product with the direction."""
+    x, y, z = apply(k, rows, blocks, v.direction)
+    store_quad(v.product, k, x, y, z, 0.0)
+    d = load_quad(v.direction, k)
+    return dot(d[0], d[1], d[2], x, y, z)
+
+
+@inlined_routine
+def update(k, v, alpha):
+    """Update solution and residual by a step along the direction."""
+    d, q = load_quad(v.direction, k), load_quad(v.product, k)
+    x, y, z = moved_3(load_quad(v.solution, k), alpha, d)
+    store_quad(v.solution, k, x, y, z, 0.0)
+    x, y, z = moved_3(load_quad(v.residual, k), -alpha, q)
+    store_quad(v.residual, k, x, y, z, 0.0)
+
+
+@inlined_routine
+def precondition(k, particles, solver):
+    """Write the preconditioned residual, by both levels. Returns its scalar product with the residual."""
+    v = solver.vectors
+    p, q, s = corrected(k, solver)
+    r = load_quad(v.residual, k)
+    x, y, z = preconditioned(load_six(solver.matrix.inverses, k, particles), r[0], r[1], r[2])
+    x, y, z = x + p, y + q, z + s
+    store_quad(v.preconditioned, k, x, y, z, 0.0)
+    return dot(r[0], r[1], r[2], x, y, z)
+
+
+@inlined_routine
+def turn(k, v, beta):
+    """Write the next direction."""
+    x, y, z = moved_3(load_quad(v.preconditioned, k), beta, load_quad(v.direction, k))
+    store_quad(v.direction, k, x, y, z, 0.0)
+
+
+@inlined_routine
+def put(k, v, source):
+    """Set the position to `source`."""
+    c = load_quad(source, k)
+    store_quad(v.position, k, c[0], c[1], c[2], load_quad(v.before, k)[3])
+
+
+@inlined_routine
+def accept(k, v):
+    """Store position and gradient of the accepted state."""
+    p, g = load_quad(v.position, k), load_quad(v.trial, k)
+    store_quad(v.current, k, p[0], p[1], p[2], 0.0)
+    store_quad(v.gradient, k, g[0], g[1], g[2], 0.0)
+
+
+@inlined_routine
+def move(k, v, fraction):
+    """Set the position to a fraction of the step. Returns the descent that the slope predicts of the whole step."""
+    c, s, g = load_quad(v.current, k), load_quad(v.solution, k), load_quad(v.gradient, k)
+    x, y, z = moved(c[0], fraction, s[0]), moved(c[1], fraction, s[1]), moved(c[2], fraction, s[2])
+    store_quad(v.position, k, x, y, z, load_quad(v.before, k)[3])
+    return dot(g[0], g[1], g[2], s[0], s[1], s[2])

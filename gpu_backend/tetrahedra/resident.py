@@ -19,6 +19,7 @@ that.
 from __future__ import annotations
 
 from functools import cache
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import cuda
@@ -27,7 +28,7 @@ from softlab.gpu_backend.contact.motion import predict, settle
 from softlab.gpu_backend.core.blocks import PATIENCE, raise_flag, read_flag
 from softlab.gpu_backend.core.compile import Kernel, kernel_options, make_kernel, variant_name
 from softlab.gpu_backend.core.constraints import constants_of, fetch, take, with_projection
-from softlab.gpu_backend.core.device import ALIGNMENT, simulated
+from softlab.gpu_backend.core.device import ALIGNMENT, DeviceArray, simulated
 from softlab.gpu_backend.core.forces import add_gravity, add_particle_force, particle_features, with_forces
 from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.integers import clock
@@ -50,6 +51,56 @@ from softlab.model.base.variant import FEATURE, Open, filled, inlined_routine, r
 from softlab.model.particles.constraints import Projection
 
 scalar = Open("type of the numbers in shared memory")
+
+
+class State(NamedTuple):
+    """Positions and velocities, quads."""
+
+    position: DeviceArray
+    velocity: DeviceArray
+
+
+class SlabArrays(NamedTuple):
+    """`tables`, `early`, `colours`, `largest` of Slabs; their `size` constraints: `corners`, values, multipliers."""
+
+    tables: DeviceArray
+    corners: DeviceArray
+    values: DeviceArray
+    multipliers: DeviceArray
+    early: np.int32
+    colours: np.int32
+    size: np.int32
+    largest: np.int32
+
+
+class Exchange(NamedTuple):
+    """`messages` (3 borders * message_size,): downwards, upwards, downwards of old positions, with tags `epoch` + 1, + 2,
+    ...; `failed` (1,) int32 is set to 1 by a block whose messages never arrive."""
+
+    messages: DeviceArray
+    borders: np.int32
+    epoch: np.int32
+    failed: DeviceArray
+
+
+class Limits(NamedTuple):
+    """Steps of a launch, substeps of a step, iterations of a substep."""
+
+    steps: np.int64
+    substeps: np.int64
+    iterations: np.int32
+
+
+class Sweep(NamedTuple):
+    """What sweeps read besides the vertices: where the starts of colours are in `tables`, how many colours there are;
+    `arrays`: (corners, values, multipliers) of `count` constraints; constants of the projection."""
+
+    tables: DeviceArray
+    starts: np.int32
+    colours: np.int32
+    arrays: tuple[DeviceArray, DeviceArray, DeviceArray]
+    count: np.int32
+    constants: tuple[Any, Any, Any]
 
 
 @inlined_routine
@@ -97,90 +148,87 @@ def end(before, now, world, number):
 
 
 @inlined_routine
-def bounds(colour, starts, tables):
-    """Return (first run of a colour, how many); colours begin at `starts` in `tables`."""
+def bounds(colour, inputs):
+    """Return (first run of a colour, how many)."""
+    starts, tables = inputs.starts, inputs.tables
     start = tables[np.uint32(starts + colour)]
     return start, np.int32(tables[np.uint32(starts + colour + 1)] - start)
 
 
 @inlined_routine
-def fetched(start, runs, corners, values, count):
+def fetched(start, runs, inputs):
     """Load the data of a thread's first run; a thread without one loads another's, or the very first one."""
+    corners, values, _ = inputs.arrays
     number = np.int32(start + min(np.int32(cuda.threadIdx.x), np.int32(runs - 1)))
     place = np.int32(np.int32(FEATURE.run - 1) * start + number)
     if runs == 0:
         number, place = np.int32(0), np.int32(0)
-    return fetch(corners, values, number, place, count)
+    return fetch(corners, values, number, place, inputs.count)
 
 
 @inlined_routine
-def ahead(colour, starts, tables, corners, values, count):
+def ahead(colour, inputs):
     """Return (first run of a colour, how many, data of this thread's first one)."""
-    start, runs = bounds(colour, starts, tables)
-    return start, runs, fetched(start, runs, corners, values, count)
+    start, runs = bounds(colour, inputs)
+    return start, runs, fetched(start, runs, inputs)
 
 
 @inlined_routine
-def sweep(
-    first, last, colours, starts, tables, now, before, corners, values, multipliers, count, fresh, constants, ready
-):  # fmt: skip
-    """Project a block's runs of the colours `first` to before `last` of all `colours`; `ready` is `ahead` of the first one.
-    Returns that of the next one."""
+def sweep(first, last, now, before, inputs, fresh, ready):
+    """Project a block's runs of the colours `first` to before `last`; `ready` is `ahead` of the first one. Returns that of
+    the next one."""
     start, runs, ready_values = ready
+    corners, values, _ = inputs.arrays
+    count = inputs.count
     for colour in range(first, last):
-        coming, many = bounds(np.int32(colour + 1) if colour + 1 < colours else np.int32(0), starts, tables)
+        following = np.int32(colour + 1) if colour + 1 < inputs.colours else np.int32(0)
+        coming, many = bounds(following, inputs)
         n, threads = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x)
         while n < runs:
             place = np.int32(FEATURE.run * start + n)
-            take(now, before, (corners, values, multipliers), ready_values, place, runs, count, fresh, constants)
+            take(now, before, inputs.arrays, ready_values, place, runs, count, fresh, inputs.constants)
             n = np.int32(n + threads)
             if n < runs:
                 ready_values = fetch(corners, values, np.int32(start + n), np.int32(FEATURE.run * start + n), count)
         start, runs = coming, many
-        ready_values = fetched(start, runs, corners, values, count)  # loaded while others are waited for
+        ready_values = fetched(start, runs, inputs)  # loaded while others are waited for
         cuda.syncthreads()
     return start, runs, ready_values
 
 
 @routine
-def tetrahedra_resident(
-    position, velocity, new_position, new_velocity, tables, corners, values, multipliers, messages, borders, epoch,
-    failed, record, bodies, integers, counter, early, colours, size, largest, steps, substeps, iterations,
-):  # fmt: skip
-    """Do `steps` steps of the bodies of one set, from the old state to the new one.
-
-    `tables`, `corners`, `early`, `colours`, `largest`: of Slabs, whose constraints are `size`; `messages` (3 borders *
-    message_size,): downwards, upwards, downwards of old positions, with tags `epoch` + 1, + 2, ...; `failed` (1,) int32
-    is set to 1 by a block whose messages never arrive. Launched cooperatively, one block per slab.
-    """
+def tetrahedra_resident(state, new_state, slabs, exchange, record, bodies, integers, counter, limits):
+    """Do `limits.steps` steps of the bodies of one set, from the old state to the new one. Launched cooperatively, one block
+    per slab."""
     shared = cuda.shared.array(0, scalar, alignment=ALIGNMENT)
-    capacity = SIZE * largest
+    capacity = SIZE * slabs.largest
+    tables, colours, early = slabs.tables, slabs.colours, slabs.early
+    messages, borders, failed = exchange.messages, exchange.borders, exchange.failed
+    steps, substeps = limits.steps, limits.substeps
     now, before = shared[:capacity], shared[capacity : 2 * capacity]
     head = np.int32(cuda.blockIdx.x * HEADER)
     local_count, known, particles = tables[head + LOCAL], tables[head + ALL], tables[head + LIST]
-    common, starts, count = tables[head + SHARED], tables[head + STARTS], np.int32(size)
+    common, starts, count = tables[head + SHARED], tables[head + STARTS], np.int32(slabs.size)
     below, above, others = tables[head + BORDER_BEFORE], tables[head + BORDER_AFTER], np.int32(known - local_count)
-    world, constants = World(record[0], bodies, integers), constants_of(record[0])
-    thread, threads, tag = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x), np.int32(epoch)
+    world, arrays = World(record[0], bodies, integers), (slabs.corners, slabs.values, slabs.multipliers)
+    inputs = Sweep(tables, starts, colours, arrays, count, constants_of(record[0]))
+    thread, threads, tag = np.int32(cuda.threadIdx.x), np.int32(cuda.blockDim.x), np.int32(exchange.epoch)
     place, substep = np.int64(0), np.int64(0)
     step, number = clock(counter, place, substeps, substep)
     for n in range(thread, known, threads):
         k = tables[particles + n]
-        p = load_quad(position, k)
+        p = load_quad(state.position, k)
         store_quad(before, np.int32(n), p[0], p[1], p[2], p[3])
         if n < local_count:
-            p = begin(p, load_quad(velocity, k), k, world, step)
+            p = begin(p, load_quad(state.velocity, k), k, world, step)
         store_quad(now, np.int32(n), p[0], p[1], p[2], p[3])
-    ready = ahead(np.int32(0), starts, tables, corners, values, count)
+    ready = ahead(np.int32(0), inputs)
     cuda.syncthreads()
     while place < steps:
-        for half in range(2 * iterations):  # even layers, odd ones: one loop, so that its code exists once
+        for half in range(2 * limits.iterations):  # even layers, odd ones: one loop, so that its code exists once
             fresh, late = np.int32(half < 2), half % 2 == 1
             first, last = (early, colours) if late else (np.int32(0), early)
-            ready = sweep(
-                first, last, colours, starts, tables, now, before, corners, values, multipliers, count, fresh,
-                constants, ready,
-            )  # fmt: skip
+            ready = sweep(first, last, now, before, inputs, fresh, ready)
             if late:
                 send_border(messages, borders + above, now, local_count, others, tag)
                 hear(messages, borders + below, now, 0, common, tag, failed)
@@ -206,8 +254,8 @@ def tetrahedra_resident(
                 p = begin(p, v, k, world, step)
                 store_quad(now, n, p[0], p[1], p[2], p[3])
             else:
-                store_quad(new_position, k, p[0], p[1], p[2], p[3])
-                store_quad(new_velocity, k, v[0], v[1], v[2], v[3])
+                store_quad(new_state.position, k, p[0], p[1], p[2], p[3])
+                store_quad(new_state.velocity, k, v[0], v[1], v[2], v[3])
             n = np.int32(n + threads)
         number = coming
         cuda.syncthreads()

@@ -14,7 +14,7 @@ from softlab.gpu_backend.core.forces import forces_of
 from softlab.gpu_backend.core.launch import prepare
 from softlab.gpu_backend.core.messages import message_size
 from softlab.gpu_backend.core.quads import pack
-from softlab.gpu_backend.tetrahedra.resident import make_tetrahedra_resident
+from softlab.gpu_backend.tetrahedra.resident import Exchange, Limits, SlabArrays, State, make_tetrahedra_resident
 from softlab.gpu_backend.tetrahedra.slabs import MOST_THREADS, Slabs, make_slabs
 from softlab.model.base.errors import BackendUnavailable, SceneError
 from softlab.model.base.types import Real
@@ -126,24 +126,22 @@ class ResidentSet:
         )
         multipliers = np.zeros(max(1, projection.soft * projection.multipliers * len(one.corners)), real)
         corners = device_corners(projection, slabs.corners, one.run * slabs.starts)
-        self._arrays = (
+        self._slab_arrays = SlabArrays(
             put(slabs.tables), put(corners), put(pack(one.values[slabs.order].astype(real))), put(multipliers),
-            put(np.zeros(3 * max(1, slabs.borders) * message_size(real), real)),
+            np.int32(slabs.early), np.int32(slabs.colours), np.int32(len(slabs.order)), np.int32(slabs.largest),
         )  # fmt: skip
+        self._messages = put(np.zeros(3 * max(1, slabs.borders) * message_size(real), real))
         self._failed = cuda.to_device(np.zeros(1, np.int32), stream=simulation.stream)
         shared = slabs.shared_bytes(real)
         self._grid = slabs.count, slabs.threads, simulation.stream, shared
         prepare(self._kernel, self._arguments(1), shared, cooperative=True)
 
     def _arguments(self, steps: int) -> Arguments:
-        s, slabs, method = self.simulation, self.slabs, self.simulation.scene.method
-        source, target = s._current, 1 - s._current
-        return (
-            s.position[source], s.velocity[source], s.position[target], s.velocity[target], *self._arrays,
-            np.int32(slabs.borders), np.int32(self._epoch), self._failed, s.record, s.bodies, s.integers, s._counter,
-            np.int32(slabs.early), np.int32(slabs.colours), np.int32(len(slabs.order)), np.int32(slabs.largest),
-            np.int64(steps), np.int64(method.substeps), np.int32(method.iterations),
-        )  # fmt: skip
+        s, method = self.simulation, self.simulation.scene.method
+        states = [State(s.position[k], s.velocity[k]) for k in (s._current, 1 - s._current)]
+        exchange = Exchange(self._messages, np.int32(self.slabs.borders), np.int32(self._epoch), self._failed)
+        limits = Limits(np.int64(steps), np.int64(method.substeps), np.int32(method.iterations))
+        return *states, self._slab_arrays, exchange, s.record, s.bodies, s.integers, s._counter, limits
 
     def launch(self, steps: int) -> None:
         """Launch so many steps, from the current state into the other buffers, which stay the others."""

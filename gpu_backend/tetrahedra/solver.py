@@ -9,8 +9,6 @@ slabs of 4 layers. In `exact` math all give the same bits as the CPU.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numba import cuda
 
@@ -30,6 +28,7 @@ from softlab.model.base.errors import SceneError
 from softlab.model.core.plan import Executor, Plan, StageRun
 from softlab.model.particles.constraints import ConstraintSet, Projection
 from softlab.model.particles.tetrahedra.topology import neighbours
+from softlab.model.position_based.mesh_plan import COLLIDE, FIND_CONTACTS, PREDICT, PROJECT_CONTACTS
 from softlab.model.scene.scene import Scene
 from softlab.model.tetrahedra.constraints import SLEEP, SLEEPING, constraint_sets, projections_of, tetrahedra_plan
 from softlab.model.tetrahedra.tables import cloth_lists, surface_lists
@@ -57,10 +56,7 @@ class Tetrahedra(MeshPositionBased):
     def _contacts(self) -> SurfaceContacts | None:
         if self.scene.contact is None:
             return None
-        return self._contacts_of(self.scene, self.real, self.options.math, self._weight, self.stream)
-
-    def _contacts_of(self, *arguments: Any) -> SurfaceContacts:
-        return SurfaceContacts(*arguments)
+        return SurfaceContacts(self.scene, self.real, self.options.math, self._weight, self.stream)
 
     def _require_memory(self, needed: int, field: str, value: str) -> None:
         if self.scene.contact is not None:
@@ -96,7 +92,11 @@ class Tetrahedra(MeshPositionBased):
 
     @property
     def _launches(self) -> int:
-        return super()._launches + 2 * self.scene.method.substeps * (SLEEPING in self.plan.parts)
+        """Number of launches of a step, from its plan: one per stage, with exceptions."""
+        launches = {PREDICT: 1 + (self._slow is not None), COLLIDE: 0, SLEEP: 2}  # UPDATE collides, too
+        if contacts := self.contacts:
+            launches |= {FIND_CONTACTS: contacts.finding, PROJECT_CONTACTS: contacts.projecting}
+        return sum(launches.get(stage.name, 1) for stage in self.plan.root.stages())
 
     def _stages(self) -> dict[str, StageRun]:
         position, velocity, before = self.position[0], self.velocity[0], self.position[1]

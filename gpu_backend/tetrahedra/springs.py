@@ -6,7 +6,7 @@ Corners and values are flat, spring by spring.
 from __future__ import annotations
 
 from softlab.gpu_backend.core.quads import load_quad
-from softlab.model.base.variant import inlined_routine
+from softlab.model.base.variant import inlined_routine, unrolled
 from softlab.model.formulas.elastic.spring import CORNERS, COUNT, pull
 
 
@@ -24,15 +24,8 @@ def pulled(k, position, springs):
     for n in range(offsets[k], offsets[k + 1]):
         entry = entries[n]
         c, v = CORNERS * (entry >> 4), COUNT * (entry >> 4)
-        points = (
-            xyz(load_quad(position, corners[c])), xyz(load_quad(position, corners[c + 1])),
-            xyz(load_quad(position, corners[c + 2])), xyz(load_quad(position, corners[c + 3])),
-            xyz(load_quad(position, corners[c + 4])),
-        )  # fmt: skip
-        numbers = (
-            values[v], values[v + 1], values[v + 2], values[v + 3], values[v + 4], values[v + 5], values[v + 6],
-            values[v + 7],
-        )  # fmt: skip
+        points = tuple(xyz(load_quad(position, corners[c + m])) for m in unrolled(CORNERS))
+        numbers = tuple(values[v + m] for m in unrolled(COUNT))
         p, q, r, stiffness, energy = pull(points, numbers, (entry >> 1) & 7)
         x, y, z, hard = x + p, y + q, z + r, hard + stiffness
         if entry & 1:

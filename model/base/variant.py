@@ -21,7 +21,8 @@ float64 in numba: formulas with one are refused (`2.0 * x`, not `2 * x`), as are
 arithmetic is an `integer_formula`, whose products stay as they are.
 
 `for n in unrolled(3)` and `tuple(f(n) for n in unrolled(3))` are written out, so that n may be an index of a tuple;
-`NAMES[n]` of a module's tuple of strings is the string, so that it may name a field of a record.
+`NAMES[n]` of a module's tuple of strings is the string, so that it may name a field of a record. `PASS.MOVE` of a module's
+named tuple of integers is the integer.
 
 A kernel, or a function that it calls and that reads or writes arrays, is a `routine`: it stands in its module and is
 compiled in the same variants, with its products as they are. `copied` is the copy of a kernel, which a backend compiles
@@ -695,6 +696,9 @@ class _Specialise(ast.NodeTransformer):
                     "name it, True or False, where the kernel that calls it is compiled"
                 )
             return ast.copy_location(ast.Constant(self.features[node.attr]), node)
+        record = self.known.get(node.value.id) if isinstance(node.value, ast.Name) else None
+        if hasattr(record, "_fields") and type(value := getattr(record, node.attr, None)) is int:
+            return ast.copy_location(ast.Constant(value), node)
         if node.attr == "float64":
             self._refuse_float64(node)
         return self.generic_visit(node)

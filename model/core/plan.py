@@ -6,7 +6,7 @@ the replacement of the whole tree and tested against it. `softlab plan SCENE` pr
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -87,6 +87,9 @@ class Node:
                     yield from child.leaves(at)
 
 
+Children = Sequence[Node | Stage]
+
+
 @dataclass(frozen=True)
 class Plan:
     """`root`: the tree of one step. `fused_scalars`: scalars per particle and axis that one step moves when fused."""
@@ -109,6 +112,18 @@ class Plan:
     @cached_property
     def _leaves(self) -> tuple[tuple[Stage, Moment], ...]:
         return tuple(self.root.leaves(Moment()))
+
+    @cached_property
+    def substep_parts(self) -> tuple[Children, Children, Children]:
+        """Children of a substep before, in and after its iterations."""
+        (substep,) = self.root.children
+        assert isinstance(substep, Node) and substep.name == "substep"
+        (place,) = (
+            n for n, child in enumerate(substep.children) if isinstance(child, Node) and child.name == "iteration"
+        )
+        iteration = substep.children[place]
+        assert isinstance(iteration, Node)
+        return substep.children[:place], iteration.children, substep.children[place + 1 :]
 
     def moments(self, step: int) -> Iterator[tuple[Stage, Moment]]:
         """Yield the stages of step number `step` in the order in which they run, and the moment of each."""

@@ -20,7 +20,8 @@ from softlab.model.position_based.plan import LOOKED_AT, xpbd_parts
 from softlab.model.scene.scene import Scene
 
 BODY_DAMPING = "body-damping"  # a part: bodies have their own damping rates
-PROJECT_CONTACTS = "project contacts"  # a stage
+PREDICT, UPDATE, COLLIDE = "predict", "update velocity", "collide"  # stages
+FIND_CONTACTS, PROJECT_CONTACTS = "find contacts", "project contacts"  # stages of contacts of surfaces
 TOUCHING = "colliders-in-iterations"  # a part: colliders act before each iteration, too
 TOUCH, RELEASE = "touch colliders", "release colliders"  # its stages
 PINS = Stage("pins", 0, 0, 0, 1.0)  # following a motion: their position and velocity at a substep's end
@@ -100,18 +101,18 @@ def constrained_plan(scene: Scene, parts: frozenset[str], sets: Sequence[tuple[C
         colours.insert(0, Stage(TOUCH, 3, 2, touched + 3 * (2 + distance.OPERATIONS_UPDATE), 1.0))
         released = (Stage(RELEASE, 2, 1, 3),)
     if scene.contact:  # of surfaces
-        search.append(Stage("find contacts", 3, 2, LOOKED_AT * contact.OPERATIONS_NEAREST))
+        search.append(Stage(FIND_CONTACTS, 3, 2, LOOKED_AT * contact.OPERATIONS_NEAREST))
         colours.append(Stage(PROJECT_CONTACTS, 2, 1, scene.contact.sweeps * contact.OPERATIONS_CONTACT))
     stages: list[Node | Stage] = [
-        Stage("predict", 2, 2, forces),
+        Stage(PREDICT, 2, 2, forces),
         *pins,
         *search,
         Node("iteration", tuple(colours), method.iterations),
         *released,
-        Stage("update velocity", 2, 1, 3 * distance.OPERATIONS_UPDATE),
+        Stage(UPDATE, 2, 1, 3 * distance.OPERATIONS_UPDATE),
         *pins,
     ]
     if scene.colliders:
-        stages.append(Stage("collide", 2, 2, touched, 1.0))
+        stages.append(Stage(COLLIDE, 2, 2, touched, 1.0))
     substep = Node("substep", tuple(stages), method.substeps)
     return Plan(Node("step", (substep,)), 4 * method.substeps, parts, dimensions=3)

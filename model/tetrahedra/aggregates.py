@@ -17,15 +17,15 @@ MODES = 6  # of a rigid body
 class Aggregates(NamedTuple):
     """Group a has the particles `members[starts[a]]` ... before `members[starts[a + 1]]`.
 
-    `group` (particles,): the group of each, -1 for pinned ones. `reach` (6 groups,): for each row of the coarse matrix,
-    whose rows are the groups' six motions one after the other, the last non-zero column, ascending. All int32. `width`:
-    of its band.
+    `group` (particles,): the group of each, -1 for pinned ones. `last_column` (6 groups,): for each row of the coarse
+    matrix, whose rows are the groups' six motions one after the other, the last non-zero one, ascending. All int32.
+    `width`: of its band.
     """
 
     starts: np.ndarray
     members: np.ndarray
     group: np.ndarray
-    reach: np.ndarray
+    last_column: np.ndarray
 
     @property
     def number(self) -> int:
@@ -35,7 +35,7 @@ class Aggregates(NamedTuple):
     @property
     def width(self) -> int:
         """Largest number of entries in a row, from its diagonal on."""
-        return int((self.reach - np.arange(len(self.reach)) + 1).max(initial=1))
+        return int((self.last_column - np.arange(len(self.last_column)) + 1).max(initial=1))
 
 
 def aggregates(body_set: TetrahedraSet, rows: BlockRows, free: np.ndarray) -> Aggregates:
@@ -93,11 +93,11 @@ def couplings(groups: Aggregates, rows: BlockRows) -> Couplings:
     row = np.repeat(np.arange(len(rows.starts) - 1), np.diff(rows.starts))
     first, second = groups.group[row].astype(np.int64), groups.group[rows.columns].astype(np.int64)
     chosen = np.flatnonzero((first >= 0) & (second >= first))
-    chosen = chosen[MODES * second[chosen] <= groups.reach[MODES * first[chosen]]]  # of one body
+    chosen = chosen[MODES * second[chosen] <= groups.last_column[MODES * first[chosen]]]  # of one body
     key = first[chosen] * max(groups.number, 1) + second[chosen]
     order = np.argsort(key, kind="stable")
     keys, starts = np.unique(key[order], return_index=True)
-    furthest = groups.reach[MODES - 1 :: MODES] // MODES
+    furthest = groups.last_column[MODES - 1 :: MODES] // MODES
     bodies = np.append(0, np.flatnonzero(furthest == np.arange(groups.number)) + 1)
     sizes = np.diff(bodies)
     return Couplings(*(

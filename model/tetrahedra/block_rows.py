@@ -15,8 +15,8 @@ class BlockRows(NamedTuple):
 
     Its diagonal block is at `diagonal[k]`. Block n is the sum of the tetrahedra's blocks `items[sources[n]]` ... before
     `items[sources[n + 1]]`, in the order of the tetrahedra: an item is twice (BLOCKS tetrahedron + block), plus one if
-    it is transposed. Particle k is the corner of `corners[meets[k]]` ... before `corners[meets[k + 1]]`: 4 tetrahedron
-    + corner. All int32.
+    it is transposed. Particle k is the corner of `corners[corner_starts[k]]` ... before `corners[corner_starts[k + 1]]`:
+    4 tetrahedron + corner. All int32.
     """
 
     starts: np.ndarray
@@ -24,7 +24,7 @@ class BlockRows(NamedTuple):
     diagonal: np.ndarray
     sources: np.ndarray
     items: np.ndarray
-    meets: np.ndarray
+    corner_starts: np.ndarray
     corners: np.ndarray
 
 

@@ -21,7 +21,13 @@ from softlab.model.tetrahedra.material import material_of, stiffnesses
 from softlab.model.tetrahedra.springs import PARTS, springs, supported_particles
 
 CORNERS = 4
-CHEBYSHEV, ACCELERATE = "chebyshev", "accelerate"  # a part of a plan, a stage
+CHEBYSHEV = "chebyshev"  # a part of a plan
+STRAIN, START, DESCEND, ACCELERATE = (
+    "strain",
+    "start",
+    "descend",
+    "accelerate",
+)  # stages, all but the last of a material
 SCALE, RATE = "elastic_scale", "inverse_substep"  # of the record: h^2 / m, 1 / h
 _known: WeakKeyDictionary[TetrahedraSet, tuple[Descent, ...]] = WeakKeyDictionary()
 
@@ -157,7 +163,7 @@ def visited(parts: frozenset[str]) -> frozenset[str]:
 
 
 def stage_name(work: str, material: str, colour: int | None = None) -> str:
-    """Return the name of a plan's stage: `strain`, `start` or `descend` of a material."""
+    """Return the name of a plan's stage: STRAIN, START or DESCEND of a material."""
     return f"{work} {material}" + ("" if colour is None else f" {colour}")
 
 
@@ -177,23 +183,16 @@ def vbd_plan(scene: Scene, live: frozenset[str] = frozenset()) -> Plan:
         each = descent.operations(table.number, item, damped)
         each += descent.OPERATIONS_TURNING * (table.material == "corotated")
         if damped:
-            begin.append(
-                Stage(stage_name("strain", table.material), 1, 2, round(each * len(table.corners) / particles))
-            )
-        begin.append(Stage(stage_name("start", table.material), 3, 1, descent.OPERATIONS_START))
+            begin.append(Stage(stage_name(STRAIN, table.material), 1, 2, round(each * len(table.corners) / particles)))
+        begin.append(Stage(stage_name(START, table.material), 3, 1, descent.OPERATIONS_START))
         for colour in range(table.colours):
             first, last = table.starts[colour], table.starts[colour + 1]
             visits = table.offsets[last] - table.offsets[first]
             operations = (each * visits + descent.OPERATIONS_MOVE * (last - first)) / particles
-            colours.append(Stage(stage_name("descend", table.material, colour), 2, 1, round(float(operations))))
-    (substep,) = bare.root.children
-    assert isinstance(substep, Node)
-    at = next(place for place, one in enumerate(substep.children) if isinstance(one, Node))
-    sweep = substep.children[at]
-    assert isinstance(sweep, Node)
-    (predict, *pins), end = substep.children[:at], substep.children[at + 1 :]
+            colours.append(Stage(stage_name(DESCEND, table.material, colour), 2, 1, round(float(operations))))
+    (predict, *rest), sweep, end = bare.substep_parts
     if accelerated:
         colours.append(Stage(ACCELERATE, 3, 3, 3 * chebyshev.OPERATIONS))
-    colours += [one for one in sweep.children if isinstance(one, Stage) and one.name == PROJECT_CONTACTS]
-    steps = predict, *begin, *pins, Node("iteration", tuple(colours), method.iterations), *end
+    colours += [one for one in sweep if isinstance(one, Stage) and one.name == PROJECT_CONTACTS]
+    steps = predict, *begin, *rest, Node("iteration", tuple(colours), method.iterations), *end
     return Plan(Node("step", (Node("substep", steps, method.substeps),)), bare.fused_scalars, parts, dimensions=3)

@@ -178,15 +178,15 @@ def _per_solve(name: str, place: int, doc: str) -> Field:
 
     def count(simulation: Any) -> float:
         done = simulation.done
-        return float(done[place] / max(done[newton.SOLVES], 1))
+        return float(done[place] / max(done[newton.DONE.SOLVES], 1))
 
     return counter(name, f"{doc} per solve", count)
 
 
 PER_SOLVE = (
-    _per_solve("matrices", newton.MATRICES, "matrices"),
-    _per_solve("newton_steps", newton.STEPS, "steps of Newton's method"),
-    _per_solve("matrix_products", newton.PRODUCTS, "products with the matrix"),
+    _per_solve("matrices", newton.DONE.MATRICES, "matrices"),
+    _per_solve("newton_steps", newton.DONE.STEPS, "steps of Newton's method"),
+    _per_solve("matrix_products", newton.DONE.PRODUCTS, "products with the matrix"),
 )
 
 

@@ -37,7 +37,7 @@ def kernel_features(parts: frozenset[str]) -> dict[str, bool]:
 class SpringArrays(NamedTuple):
     """Arrays of Springs that kernels read."""
 
-    meets: np.ndarray
+    offsets: np.ndarray
     entries: np.ndarray
     corners: np.ndarray
     values: np.ndarray
@@ -49,18 +49,18 @@ class Springs:
 
     `corners` (springs, CORNERS) int32: the vertex, and those that carry its place; the vertex itself where that is in
     the world. `values` (springs, COUNT) float64: model/formulas/elastic/spring.py. Particle k is a corner of
-    `entries[meets[k]]` ... before `entries[meets[k + 1]]`, int32, each 16 spring + 2 corner, plus one where it counts
+    `entries[offsets[k]]` ... before `entries[offsets[k + 1]]`, int32, each 16 spring + 2 corner, plus one where it counts
     the energy: the first free corner of a spring. `bodies` (springs,) bool: True if another body carries it.
     """
 
     corners: np.ndarray
     values: np.ndarray
-    meets: np.ndarray
+    offsets: np.ndarray
     entries: np.ndarray
     bodies: np.ndarray
 
     def arrays(self, real: Real) -> SpringArrays:
-        return SpringArrays(self.meets, self.entries, self.corners, np.ascontiguousarray(self.values, real))
+        return SpringArrays(self.offsets, self.entries, self.corners, np.ascontiguousarray(self.values, real))
 
     @property
     def fours(self) -> np.ndarray:
@@ -113,7 +113,7 @@ def springs(body_set: TetrahedraSet, solver: str) -> Springs:
 
 
 def _entries(body_set: TetrahedraSet, corners: np.ndarray, bodies: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return (meets, entries)."""
+    """Return (offsets, entries)."""
     free = np.ones(body_set.particle_count, bool)
     free[body_set.pinned_vertices] = False
     place = np.arange(CORNERS)

@@ -7,10 +7,10 @@ velocities from positions. Without coupling, the members' stages are the whole p
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 
-from softlab.model.core.plan import Node, Plan, Stage
+from softlab.model.core.plan import Children, Node, Plan, Stage
 from softlab.model.formulas import contact
 from softlab.model.position_based.plan import LOOKED_AT
 from softlab.model.scene.scene import Scene
@@ -37,7 +37,7 @@ def world_plan(scene: Scene, plans: Mapping[str, Plan]) -> Plan:
     """Return the plan from the members' own `plans`, by name. Numbers are per particle of the world."""
     method, count = scene.method, scene.world_set.particle_count
     fractions = {name: len(range(*place.indices(count))) / count for name, place in scene.world_set.slices().items()}
-    three = {name: _parts_of_substep(plan.root) for name, plan in plans.items()}
+    three = {name: plan.substep_parts for name, plan in plans.items()}
 
     def nodes(place: int) -> list[Node | Stage]:
         return [_named(name, three[name][place], fractions[name]) for name in plans if three[name][place]]
@@ -48,19 +48,6 @@ def world_plan(scene: Scene, plans: Mapping[str, Plan]) -> Plan:
     parts = frozenset[str]().union(*(plan.parts for plan in plans.values()))
     fused = sum(plan.fused_scalars * fractions[name] for name, plan in plans.items())
     return Plan(root, round(fused), parts, dimensions=3)
-
-
-Children = Sequence[Node | Stage]
-
-
-def _parts_of_substep(root: Node) -> tuple[Children, Children, Children]:
-    """Return a member's stages before, in and after its iterations."""
-    (substep,) = root.children
-    assert isinstance(substep, Node) and substep.name == "substep"
-    (place,) = (n for n, child in enumerate(substep.children) if isinstance(child, Node) and child.name == "iteration")
-    iteration = substep.children[place]
-    assert isinstance(iteration, Node)
-    return substep.children[:place], iteration.children, substep.children[place + 1 :]
 
 
 def _named(member: str, children: Children, fraction: float) -> Node:

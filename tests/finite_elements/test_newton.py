@@ -204,7 +204,7 @@ def test_rows_of_blocks_hold_each_corner_pair_once() -> None:
                 for item in rows.items[rows.sources[n] : rows.sources[n + 1]]
             )
             np.testing.assert_allclose(found, whole[k, rows.columns[n]], atol=1e-12)
-    meets = [rows.corners[rows.meets[k] : rows.meets[k + 1]] for k in range(particles)]
+    meets = [rows.corners[rows.corner_starts[k] : rows.corner_starts[k + 1]] for k in range(particles)]
     assert all((corners.ravel()[one] == k).all() for k, one in enumerate(meets)) and len(rows.corners) == corners.size
 
 

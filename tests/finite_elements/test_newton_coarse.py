@@ -24,7 +24,7 @@ def test_groups_hold_each_free_particle_once_and_reach_as_far_as_the_matrix() ->
         assert (groups.group[groups.members[groups.starts[number] : groups.starts[number + 1]]] == number).all()
     for k in np.flatnonzero(free):
         met = groups.group[rows.columns[rows.starts[k] : rows.starts[k + 1]]]
-        assert 6 * met.max() + 5 <= groups.reach[6 * groups.group[k]]
+        assert 6 * met.max() + 5 <= groups.last_column[6 * groups.group[k]]
     assert groups.width < 6 * groups.number / 2  # a slender body has a band
 
 

@@ -10,7 +10,7 @@ import threading
 import time
 import traceback
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -393,6 +393,25 @@ def test_a_table_of_names_gives_the_fields_of_a_record() -> None:
     for number, expected in enumerate([(2.0, 1.0), (4.0, 3.0)]):
         copied = Variant(np.float64, plain, {"number": number}).copied(fields_of)
         assert copied(record) == expected and "FIELDS" not in copied.__code__.co_names
+
+
+class Sides(NamedTuple):
+    LEFT: int
+    RIGHT: int
+
+
+SIDES = Sides(0, 1)
+
+
+@routine
+def right_of(values):
+    return values[SIDES.RIGHT]
+
+
+def test_a_member_of_a_named_tuple_of_integers_is_the_integer() -> None:
+    """The copy contains the number, so that another order of the names is other machine code."""
+    copied = Variant(np.float64, plain).copied(right_of)
+    assert copied((5.0, 7.0)) == 7.0 and "SIDES" not in copied.__code__.co_names
 
 
 @formula

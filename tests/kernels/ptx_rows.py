@@ -11,7 +11,11 @@ from importlib import import_module
 from itertools import product
 from typing import Any
 
+from kernel_text import Letters
+
 from softlab.gpu_backend.core.tiling import parsed_tile
+from softlab.gpu_backend.tetrahedra import newton_arrays, resident
+from softlab.gpu_backend.tetrahedra.descent_kernels import DescentArrays
 from softlab.gpu_backend.xpbd.choice import cut
 from softlab.gpu_backend.xpbd.tile import whole
 from softlab.model.contact.cloth_parameters import B_DYNAMIC, B_RESTITUTION, B_STATIC
@@ -23,9 +27,28 @@ from softlab.model.position_based.mesh_plan import BODY_DAMPING
 from softlab.model.position_based.plan import colour_order
 from softlab.model.shape_matching.cluster_tables import shaping
 from softlab.model.tetrahedra import springs
+from softlab.model.tetrahedra.aggregates import Aggregates, Couplings
+from softlab.model.tetrahedra.block_rows import BlockRows
 from softlab.model.tetrahedra.constraints import BLOCKS, DAMPED, ITERATED, part_of_run, projections_of
 from softlab.model.tetrahedra.newton import STAGED
+from softlab.model.tetrahedra.newton_arrays import Elements, Matrix
 
+NEWTON = (  # arguments of the kernel of Newton's method
+    (newton_arrays.Solver, (
+        (Elements, "IIR"), (BlockRows, "I" * 7), (springs.SpringArrays, "IIIR"), (newton_arrays.Vectors, "R" * 15),
+        (Matrix, "R" * 5), (Aggregates, "I" * 4), (Couplings, "I" * 8), (newton_arrays.Coarse, "RRRRRRi"), "I",
+    )),
+    "N", "R", "U", "L", (newton_arrays.Control, "RIL"), (newton_arrays.Limits, "lllr"),
+)  # fmt: skip
+DESCENT = DescentArrays, (*"IIIIIRR", (springs.SpringArrays, "IIIR"), "R", "i")
+VISITS = {
+    "remember": ("R", DESCENT), "start": (*"RRRR", DESCENT, "i", "D"),
+    "descend": (*"RRR", DESCENT, *"iiDRU", (tuple, "Llll")),
+}  # fmt: skip
+SLABS = (  # arguments of the kernel `resident` of tetrahedra
+    (resident.State, "RR"), (resident.State, "RR"), (resident.SlabArrays, "IIRRiiii"), (resident.Exchange, "RiiI"),
+    *"TRUL", (resident.Limits, "lli"),
+)  # fmt: skip
 GENERATOR = "3528531795"  # a multiplier of the random generator
 SOME = -1  # of a count: any but 0
 Counts = Mapping[str, Mapping[str, int]]
@@ -43,7 +66,7 @@ class Row:
     """
 
     factory: str
-    letters: Mapping[str, str]
+    letters: Mapping[str, Letters]
     arguments: tuple[Any, ...] = ()
     takes: str = "precision math"
     counts: Counts = field(default_factory=dict)
@@ -363,7 +386,7 @@ def tetrahedra() -> Iterator[Row]:
         (projection,) = projections_of(parts)
         messages = {"st.relaxed.gpu.global.b128": SOME, "ld.shared.v4.f32": SOME}
         yield Row(
-            "tetrahedra.resident:make_tetrahedra_resident", {"": "RRRRIIRRRiiITRULiiiilli"}, (parts, projection),
+            "tetrahedra.resident:make_tetrahedra_resident", {"": SLABS}, (parts, projection),
             counts={"": messages}, rare=material != MATERIALS[0],
         )  # fmt: skip
     parts = some("gravity", "load", "pins", "plane", "sphere", "friction", "restitution", FRICTION_IN_PLACE)
@@ -374,10 +397,9 @@ def tetrahedra() -> Iterator[Row]:
 
 
 def by_vertices_and_newton() -> Iterator[Row]:
-    visits = {"remember": "RIRRi", "start": "RRRRIIiD", "descend": "RRIIIIRRIIIRRRiiiDRULlll"}
     parts, of = springs.PARTS | {"plane", "box", "friction"}, "tetrahedra.descent_kernels:"
     for material, damped in product(range(len(MATERIALS)), (True, False)):
-        yield Row(f"{of}make_visits", visits, (material, damped, parts), rare=material > 0 or not damped)
+        yield Row(f"{of}make_visits", VISITS, (material, damped, parts), rare=material > 0 or not damped)
     yield Row(f"{of}make_accelerate", {"": "RRr"})
     free = some("gravity", "load")
     everything = free | COLLIDERS | {DAMPED, "pins", "damping", "external", "poke", FRICTION_IN_PLACE}
@@ -387,7 +409,7 @@ def by_vertices_and_newton() -> Iterator[Row]:
     ):  # fmt: skip
         yield Row(
             "tetrahedra.newton_kernel:make_newton",
-            {"": "RRRRRRRRRRRRRRIRILNRULlllr"},
+            {"": NEWTON},
             (parts,),
             rare=parts != free,
             atomics=some(""),

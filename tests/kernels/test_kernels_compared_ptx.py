@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from kernel_text import kernel_text
-from ptx_rows import Row, some
+from kernel_text import Letters, kernel_text
+from ptx_rows import VISITS, Row, some
 
 from softlab.model.formulas.constraints import tetrahedron
 from softlab.model.position_based.plan import colour_order
@@ -16,7 +16,7 @@ from softlab.model.tetrahedra.constraints import DAMPED, ITERATED, part_of_run, 
 pytestmark = pytest.mark.usefixtures("ptx_compiler")
 
 
-def text(factory: str, letters: str, arguments: tuple[Any, ...], kernel: str = "") -> str:
+def text(factory: str, letters: Letters, arguments: tuple[Any, ...], kernel: str = "") -> str:
     row = Row(factory, {kernel: letters}, arguments)
     return kernel_text(row.kernels(np.float32, "fast")[kernel], letters, np.float32, "fast")
 
@@ -34,7 +34,7 @@ def test_tetrahedra_of_a_voxel_are_a_loop(run: int) -> None:
 
 def test_who_has_no_damper_reads_no_strains() -> None:
     """Six strains beside the values of a tetrahedron, its damper's time, and 1 / h; neither needs a rotation."""
-    factory, letters = "tetrahedra.descent_kernels:make_visits", "RRIIIIRRIIIRRRiiiDRULlll"
+    factory, letters = "tetrahedra.descent_kernels:make_visits", VISITS["descend"]
     plain, damped = (text(factory, letters, (tetrahedron.HOOKEAN, damps, some()), "descend") for damps in (False, True))
     assert damped.count("ld.global.f32") - plain.count("ld.global.f32") == 6 + 2
     assert "sqrt" not in plain and "sqrt" not in damped

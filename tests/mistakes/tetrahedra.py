@@ -87,8 +87,8 @@ DESCENT: tuple[Mistake, ...] = (
         "gpu_backend/tetrahedra/descent_kernels.py",
         SIMULATED_VBD,
         {
-            "every colour visits the first one's vertices (gpu)": ("k, count = np.int32(first + cuda.grid(1)), np.int32(size)", "k, count = np.int32(cuda.grid(1)), np.int32(size)"),
-            "strains of a damper are read by rows (gpu)": ("return strains[np.uint32(np.int32(n * count) + t)]", "return strains[np.uint32(np.int32(n + STRAINS * t))]"),
+            "every colour visits the first one's vertices (gpu)": ("k, count = np.int32(first + cuda.grid(1)), np.int32(arrays.count)", "k, count = np.int32(cuda.grid(1)), np.int32(arrays.count)"),
+            "strains of a damper are read by rows (gpu)": ("tuple(strains[np.uint32(np.int32(n * count) + t)]", "tuple(strains[np.uint32(np.int32(n + STRAINS * t))]"),
         },
     ),
     *in_file(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache
 from typing import Any
 
@@ -49,13 +49,21 @@ def entry_of(function: Callable, arguments: tuple, math: str) -> str:
     return text[text.index(".entry") :]
 
 
-def kernel_text(kernel: Any, letters: str, real: Any, math: str) -> str:
+Letters = str | Sequence[Any]  # of arguments; one may also be (NamedTuple, Letters of its members)
+
+
+def kernel_text(kernel: Any, letters: Letters, real: Any, math: str) -> str:
     """Return the PTX of a kernel from its entry on.
 
     `letters`, one per argument: R, W and C arrays of reals, of rows of reals and of pairs; I, L, U and B of integers of
     32 and 64 bits, of unsigned ones and of bytes; r a real, i, l and b numbers of 32 and 64 bits and a yes or no; those of
     RECORDS.
     """
+    return entry_of(kernel.py_func, types_of(letters, real), math)
+
+
+def types_of(letters: Letters, real: Any) -> tuple:
+    """Return numba's types of arguments."""
     from numba import types
 
     real_type = types.float32 if real is np.float32 else types.float64
@@ -63,5 +71,11 @@ def kernel_text(kernel: Any, letters: str, real: Any, math: str) -> str:
     known["C"] = (types.complex64 if real is np.float32 else types.complex128)[::1]
     known |= {"U": types.uint64[::1], "B": types.uint8[::1]}
     known |= {"r": real_type, "i": types.int32, "l": types.int64, "b": types.boolean}
-    records = {letter: record_of(real, family) for family, (letter, _) in RECORDS.items() if letter in letters}
-    return entry_of(kernel.py_func, tuple((known | records)[letter] for letter in letters), math)
+    families = {letter: family for family, (letter, _) in RECORDS.items()}
+
+    def type_of(one: Any) -> Any:
+        if isinstance(one, tuple):
+            return types.BaseTuple.from_types(types_of(one[1], real), one[0])
+        return known[one] if one in known else record_of(real, families[one])
+
+    return tuple(map(type_of, letters))

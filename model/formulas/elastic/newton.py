@@ -17,19 +17,45 @@ import numpy as np
 
 from softlab.model.base.variant import OfPrecision, formula
 
-KINDS = (
-    "begin", "look", "weigh", "accept", "return", "ahead", "blocks", "rows",
-    "centres", "coarse rows", "solve", "product", "update", "restrict", "correct", "direction", "move", "finish",
-)  # fmt: skip
-(
-    BEGIN, ENERGIES, WEIGH, ACCEPT, RETURN, AHEAD, BLOCKS, ROWS, CENTRES, COARSE,
-    SOLVE, PRODUCT, UPDATE, RESTRICT, CORRECT, DIRECTION, MOVE, FINISH,
-) = range(len(KINDS))  # fmt: skip
-BEHIND, BEFORE, SEARCH = range(
-    3
-)  # states whose potential is evaluated: the substep's start, without elasticity, along a step
-DONE = ("solves", "looks", "matrices", "products", "steps")  # counters of a simulation
-SOLVES, EVALUATIONS, MATRICES, PRODUCTS, STEPS = range(len(DONE))
+
+class Passes(NamedTuple):
+    """Passes, in the order of the method; each is followed by the next one unless `after` decides otherwise."""
+
+    BEGIN: int  # inertial or driven positions
+    ENERGIES: int  # forces and energies of tetrahedra
+    WEIGH: int  # gradient and energy at particles
+    ACCEPT: int  # the state becomes the current one
+    RETURN: int  # back to the current state
+    AHEAD: int  # positions without elasticity
+    BLOCKS: int  # tangents of tetrahedra
+    ROWS: int  # rows of the matrix, inverses of its diagonal blocks
+    CENTRES: int  # centres of groups
+    COARSE: int  # the coarse matrix
+    FACTOR: int  # its factor
+    SOLVE: int  # start of conjugate gradients
+    PRODUCT: int  # of the matrix with the direction
+    UPDATE: int  # of solution and residual
+    RESTRICT: int  # residual of groups
+    SUBSTITUTE: int  # solution of the coarse system
+    CORRECT: int  # preconditioned residual
+    DIRECTION: int  # the next direction
+    MOVE: int  # along the solution
+    FINISH: int  # velocities
+
+
+class Done(NamedTuple):
+    """Counters of a simulation, in its array `done`."""
+
+    SOLVES: int
+    EVALUATIONS: int
+    MATRICES: int
+    PRODUCTS: int
+    STEPS: int
+
+
+PASS, DONE = Passes(*range(len(Passes._fields))), Done(*range(len(Done._fields)))
+# states whose potential is evaluated: the substep's start, without elasticity, along a step
+BEHIND, BEFORE, SEARCH = range(3)
 NEAR = 1e-4  # remaining residual, in the norm of the preconditioner, over the first one
 DOWNHILL = 1e-4  # of the descent that the slope predicts
 MOST_HALVINGS = 20  # to a millionth of a step
@@ -62,7 +88,7 @@ class Values(NamedTuple):
     enough: float
     alpha: float
     beta: float
-    share: float
+    fraction: float
     slope: float
     unsure: float
 
@@ -77,86 +103,88 @@ def after_looking(phase, halvings, energy, trial, noise, fraction, slope):
     """Return (next pass, energy, fraction of the step, halvings so far) when the energy `trial` of a trial step is
     known."""
     if phase == BEHIND:
-        return ACCEPT, trial, fraction, halvings
+        return PASS.ACCEPT, trial, fraction, halvings
     if phase == BEFORE:
         if trial < energy:
-            return ACCEPT, trial, fraction, halvings
-        return RETURN, energy, fraction, halvings
+            return PASS.ACCEPT, trial, fraction, halvings
+        return PASS.RETURN, energy, fraction, halvings
     if trial <= (energy + DOWNHILL * fraction * slope) + noise:
-        return ACCEPT, trial, fraction, halvings
+        return PASS.ACCEPT, trial, fraction, halvings
     if halvings + 1 < MOST_HALVINGS:
-        return MOVE, energy, 0.5 * fraction, halvings + 1
-    return RETURN, energy, fraction, halvings
+        return PASS.MOVE, energy, 0.5 * fraction, halvings + 1
+    return PASS.RETURN, energy, fraction, halvings
 
 
 @formula
 def after_moving(kind, phase, safe, steps, energy, slope, iterations):
     """Return (next pass, phase, safe, steps) after `accept` or `return`."""
     if phase == BEHIND:
-        return AHEAD, BEFORE, safe, steps
+        return PASS.AHEAD, BEFORE, safe, steps
     if phase == BEFORE:
-        return BLOCKS, SEARCH, 0, steps
-    if kind == RETURN:
+        return PASS.BLOCKS, SEARCH, 0, steps
+    if kind == PASS.RETURN:
         if safe == 0:
-            return BLOCKS, phase, 1, steps
-        return FINISH, phase, safe, steps
+            return PASS.BLOCKS, phase, 1, steps
+        return PASS.FINISH, phase, safe, steps
     if steps + 1 < iterations and -slope > SMALLEST_STEP * energy:
-        return BLOCKS, phase, 0, steps + 1
-    return FINISH, phase, safe, steps + 1
+        return PASS.BLOCKS, phase, 0, steps + 1
+    return PASS.FINISH, phase, safe, steps + 1
 
 
 @formula
 def after_solving(kind, safe, products, squared, enough, value, floor):
     """Return (next pass, safe, products, squared, enough, alpha, beta) within conjugate gradients."""
-    if kind == PRODUCT:
+    if kind == PASS.PRODUCT:
         if value > 0.0:
-            return UPDATE, safe, products, squared, enough, squared / value, 0.0
+            return PASS.UPDATE, safe, products, squared, enough, squared / value, 0.0
         if safe == 0:
-            return BLOCKS, 1, products, squared, enough, 0.0, 0.0
-        return MOVE if products > 0 else FINISH, safe, products, squared, enough, 0.0, 0.0
-    if kind == UPDATE:
-        return RESTRICT, safe, products + 1, squared, enough, 0.0, 0.0
+            return PASS.BLOCKS, 1, products, squared, enough, 0.0, 0.0
+        return PASS.MOVE if products > 0 else PASS.FINISH, safe, products, squared, enough, 0.0, 0.0
+    if kind == PASS.UPDATE:
+        return PASS.RESTRICT, safe, products + 1, squared, enough, 0.0, 0.0
     if products == 0:
         enough = max(NEAR_SQUARE * value, floor)
-        return DIRECTION if value > floor else FINISH, safe, 0, value, enough, 0.0, 0.0
+        return PASS.DIRECTION if value > floor else PASS.FINISH, safe, 0, value, enough, 0.0, 0.0
     if value > enough and products < MOST_PRODUCTS:
-        return DIRECTION, safe, products, value, enough, 0.0, value / squared
-    return MOVE, safe, products, value, enough, 0.0, 0.0
+        return PASS.DIRECTION, safe, products, value, enough, 0.0, value / squared
+    return PASS.MOVE, safe, products, value, enough, 0.0, 0.0
 
 
 @formula
 def after(kind, counts, values, first, second, iterations, floor):
+    """Return (next pass, Counts, Values) from the sums of a pass, `first` and `second`: energies and their rounding errors,
+    how many matrices are not positive, or scalar products."""
     phase, safe, products, steps, halvings = counts
     energy, trial, noise, squared, enough, alpha, beta, fraction, slope, unsure = values
     later = kind + 1
-    if kind == BEGIN:
+    if kind == PASS.BEGIN:
         phase, safe, steps = BEHIND, 0, 0
-    elif kind == ENERGIES:
+    elif kind == PASS.ENERGIES:
         trial, noise = first, second
-    elif kind == WEIGH:
+    elif kind == PASS.WEIGH:
         trial, noise = trial + first, noise + second
         later, energy, fraction, halvings = after_looking(phase, halvings, energy, trial, unsure, fraction, slope)
-        if later == ACCEPT:  # of the accepted state: the noise of a trial may be infinite
+        if later == PASS.ACCEPT:  # of the accepted state: the noise of a trial may be infinite
             unsure = noise
-    elif kind in (ACCEPT, RETURN):
+    elif kind in (PASS.ACCEPT, PASS.RETURN):
         later, phase, safe, steps = after_moving(kind, phase, safe, steps, energy, slope, iterations)
-    elif kind in (ROWS, COARSE) and first > 0.0 and safe == 0:
-        later, safe = BLOCKS, 1
-    elif kind == SOLVE:
-        later, products = RESTRICT, 0
-    elif kind in (PRODUCT, UPDATE, CORRECT):
+    elif kind in (PASS.ROWS, PASS.FACTOR) and first > 0.0 and safe == 0:
+        later, safe = PASS.BLOCKS, 1
+    elif kind == PASS.SOLVE:
+        later, products = PASS.RESTRICT, 0
+    elif kind in (PASS.PRODUCT, PASS.UPDATE, PASS.CORRECT):
         later, safe, products, squared, enough, alpha, beta = after_solving(
             kind, safe, products, squared, enough, first, floor
         )  # fmt: skip
         fraction, halvings = 1.0, 0
-    elif kind == DIRECTION:
-        later = PRODUCT
-    elif kind == MOVE:
-        later, slope = ENERGIES, first
-    elif kind == AHEAD:
-        later = ENERGIES
-    elif kind == FINISH:
-        later = BEGIN
+    elif kind == PASS.DIRECTION:
+        later = PASS.PRODUCT
+    elif kind == PASS.MOVE:
+        later, slope = PASS.ENERGIES, first
+    elif kind == PASS.AHEAD:
+        later = PASS.ENERGIES
+    elif kind == PASS.FINISH:
+        later = PASS.BEGIN
     counts = Counts(phase, safe, products, steps, halvings)
     return later, counts, Values(energy, trial, noise, squared, enough, alpha, beta, fraction, slope, unsure)
 
