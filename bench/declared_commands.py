@@ -127,7 +127,9 @@ def command_function(declared: Sequence[Experiment]) -> Callable[..., None]:
         where = where_asked(*workers)
         for one in selected:
             extra = values[_argument(one.extra)] if one.extra else None
-            has_all = all(name in one.options or options[name] is PRECISION for name in wanted)  # else no part is wanted
+            has_all = all(
+                name in one.options or options[name] is PRECISION for name in wanted
+            )  # else no part is wanted
             if extra or (extra is None and has_all):
                 chosen = {name: value for name, value in wanted.items() if name in one.options}
                 backends = {"backends": values[BACKEND]} if one.on_backends else {}

@@ -13,7 +13,7 @@ from softlab.bench.store.results import Measure, by_configuration
 from softlab.bench.store.schema import tables_by_kind
 from softlab.plots.core.colours import GREY
 from softlab.plots.core.data import Results, Source, needed
-from softlab.plots.core.style import Drawing, as_figure, legend_below, new_figure
+from softlab.plots.core.style import Drawing, as_figure, legend_below, log_axes, new_figure
 from softlab.plots.figures.work_precision import XPBD as CURVES
 
 MISSING = "the orderings of position-based solvers were not timed with several numbers of iterations"
@@ -119,5 +119,4 @@ def _panel(ax: Any, entries: list[Converging], where: Any) -> None:
                 )
         if any(entry.name == name for entry in entries):
             ax.plot([], [], marker=marker, color=colour, label=name)
-    ax.set_xscale("log")
-    ax.set_yscale("log")
+    log_axes(ax, x_label="")
