@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 from softlab.bench.experiments.accuracy import judgement
-from softlab.bench.experiments.accuracy.equal_error import Fastest, equal_error
+from softlab.bench.experiments.accuracy.equal_error import Fastest, Judged, equal_error
 from softlab.bench.experiments.accuracy.methods import WRONG, efforts
 from softlab.bench.experiments.growth import growth_words
 from softlab.bench.measure.experiment import Summary
@@ -146,17 +146,6 @@ def method_words(name: str, iterations: int | None) -> str:
         return name
     wrong = f" (to {WRONG[name]})" if name in WRONG else ""
     return f"{name}{wrong}, {iterations} iteration{'s' if iterations > 1 else ''}"
-
-
-class Judged(Protocol):
-    """Interface of an entry of a Pareto front."""
-
-    @property
-    def error(self) -> float: ...
-    @property
-    def seconds(self) -> float | None: ...
-    @property
-    def resolved(self) -> bool: ...
 
 
 Candidate = TypeVar("Candidate", bound=Judged)
