@@ -24,6 +24,7 @@ if TYPE_CHECKING:  # which imports the solvers
     from softlab.bench.measure.declaration import Experiment, Option
 
 BACKEND, QUICK, STORE, WORDS = "backend", "quick", "store", "names"  # parameters that are not options of an experiment
+Parameters = dict[str, tuple[object, object]]  # parameter of a command -> its type and its default
 
 
 class DeclaredCommand(Timed):
@@ -77,13 +78,11 @@ def _annotated(option: Option, negated: bool = False) -> Any:
     return Annotated[kind, typer.Option(flag, help=option.help)]
 
 
-def _parameters(declared: Sequence[Experiment], options: Collection[Option]) -> dict[str, tuple[Any, Any]]:
+def _parameters(declared: Sequence[Experiment], options: Collection[Option]) -> Parameters:
     """Return the type and the default of each parameter of a command."""
     from softlab.bench.measure.declaration import PRECISION, Option
 
-    parameters: dict[str, tuple[Any, Any]] = {
-        QUICK: (_annotated(Option("--quick", declared[0].quick_help, bool)), False)
-    }
+    parameters: Parameters = {QUICK: (_annotated(Option("--quick", declared[0].quick_help, bool)), False)}
     switches = [one.switch for one in declared if one.switch]
     for option in (*switches, *(one for one in options if one is not PRECISION)):
         default = bool(option.usual) if option.type is bool else None

@@ -150,7 +150,7 @@ class Experiment(Generic[CaseType, RowType]):
     quick_help: ClassVar[str] = "Fewer and smaller cases."
     options: ClassVar[Mapping[str, Option]] = {}
     summary: ClassVar[type[Summary]] = Summary
-    report: ClassVar[Callable[[Console, Any], None] | None] = None  # prints the summary; None: as text
+    report: ClassVar[Callable[..., None] | None] = None  # prints the summary; None: as text
     on_backends: ClassVar[bool] = True
     on_workers: ClassVar[bool] = False
     timed: ClassVar[bool] = True

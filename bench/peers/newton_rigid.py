@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from softlab.bench.peers.base import Opened
-from softlab.bench.peers.newton_sheet import Model, Newton, load_newton
+from softlab.bench.peers.newton_sheet import FromNewton, Model, Newton, load_newton
 from softlab.model.core.build import build
 from softlab.model.scene.scene import Scene
 
@@ -62,9 +62,9 @@ class _Towers(Model):
         model = self._build(scene)
         self._pipeline = load_newton().CollisionPipeline(model, broad_phase="sap")
         self._contacts = self._pipeline.contacts()
-        self._begin(model, solver, body.position, body.velocity, iterations=iterations)
+        self._begin(model, solver, (body.position, body.velocity), {"iterations": iterations})
 
-    def _build(self, scene: Scene) -> Any:
+    def _build(self, scene: Scene) -> FromNewton:
         builder = self._builder(-scene.gravity.acceleration if scene.gravity and scene.gravity.enabled else 0.0)
         (plane,) = scene.colliders
         beam: Any = next(iter(scene.bodies.values()))
@@ -80,7 +80,7 @@ class _Towers(Model):
         builder.color()
         return builder.finalize(device=self._device)
 
-    def _prepare(self, state: Any) -> None:
+    def _prepare(self, state: FromNewton) -> None:
         super()._prepare(state)
         self._pipeline.collide(state, self._contacts)
 

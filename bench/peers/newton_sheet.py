@@ -31,6 +31,8 @@ from softlab.model.scene.scene import Scene
 
 MOST_SPRINGS = 4_000_000  # its model is made of Python lists
 REMEDY = "pip install 'soft-body-lab[peers]'"
+FromNewton = Any  # a builder, model, state or contacts of the package, whose types are unknown without it
+Motion = tuple[np.ndarray, np.ndarray]  # positions [m] and velocities [m/s] of all particles
 
 
 @cache
@@ -128,27 +130,27 @@ class Model(Replayed):
 
     _substeps = 1  # per step, each of `_h` [s]
     _h: float
-    _contacts: Any = None
+    _contacts: FromNewton = None
     _dimensions = 3
 
-    def _begin(self, model: Any, solver: str, position: np.ndarray, velocity: np.ndarray, **how: Any) -> None:
-        """Make the solver, without the options that are None, and capture its steps."""
+    def _begin(self, model: FromNewton, solver: str, start: Motion, how: dict[str, int | None]) -> None:
+        """Make the solver, without the options that are None, and capture its steps from `start`."""
         self._model, self._control = model, model.control()
         chosen = {name: value for name, value in how.items() if value is not None}
         self._solver = getattr(load_newton().solvers, solver)(model, **chosen)
         self._states = [model.state(), model.state()]
-        self.load(position, velocity)
+        self.load(*start)
         self._step()  # loads the kernels: no module may be loaded while a graph is captured
         self._current = 0
         self._capture()
-        self.load(position, velocity)
+        self.load(*start)
 
-    def _builder(self, gravity: float) -> Any:
+    def _builder(self, gravity: float) -> FromNewton:
         """Return a builder of models, with gravity along +y [m/s^2]."""
         newton = load_newton()
         return newton.ModelBuilder(up_axis=newton.Axis.Y, gravity=(0.0, gravity, 0.0))
 
-    def _finalized(self, builder: Any) -> Any:
+    def _finalized(self, builder: FromNewton) -> FromNewton:
         """Return a model of particles that neither collide nor are slowed down."""
         model = builder.finalize(device=self._device)
         model.particle_grid = None
@@ -161,7 +163,7 @@ class Model(Replayed):
         space[:, : array.shape[1]] = array
         return space
 
-    def _prepare(self, state: Any) -> None:
+    def _prepare(self, state: FromNewton) -> None:
         """Set the external forces of a substep."""
         state.clear_forces()
 
@@ -202,9 +204,9 @@ class _Sheet(Model):
         self._h, self._drag = scene.method.dt, constants.drag * scene.grid.mass
         self._dimensions = constants.position.shape[1]
         model = self._build(scene, scene.grid.mass * doubled, constants.gravity / doubled)
-        self._begin(model, solver, constants.position, constants.velocity, iterations=iterations)
+        self._begin(model, solver, (constants.position, constants.velocity), {"iterations": iterations})
 
-    def _build(self, scene: Scene, mass: float, gravity: float) -> Any:
+    def _build(self, scene: Scene, mass: float, gravity: float) -> FromNewton:
         constants, springs, body = self.constants, of_scene(scene), build(scene)
         builder = self._builder(gravity)
         builder.add_particles(
@@ -222,7 +224,7 @@ class _Sheet(Model):
         builder.set_coloring(_lattice_colours(body.rows, body.columns))
         return self._finalized(builder)
 
-    def _prepare(self, state: Any) -> None:
+    def _prepare(self, state: FromNewton) -> None:
         if self._drag <= 0:
             super()._prepare(state)
             return

@@ -18,7 +18,6 @@ is explicit and undamped, and gets the fewest substeps that the fastest vibratio
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 
@@ -34,7 +33,7 @@ from softlab.bench.peers.bars.tip import (
     young_of,
 )
 from softlab.bench.peers.base import Opened
-from softlab.bench.peers.newton_sheet import Model, Newton
+from softlab.bench.peers.newton_sheet import FromNewton, Model, Newton
 from softlab.bench.reference.elastic_materials import cofactor
 from softlab.model.core.build import build
 from softlab.model.scene.scene import Scene
@@ -102,13 +101,10 @@ class _Body(Model):
         if self._substeps % 2:
             raise ValueError("an odd number of substeps leaves the state in the other buffer")
         self._h = scene.method.dt / self._substeps
-        contact = False if solver == "SolverVBD" else None
-        self._begin(
-            self._build(scene, body.position, solver), solver, body.position, body.velocity, iterations=iterations,
-            particle_enable_self_contact=contact,
-        )  # fmt: skip
+        how = {"iterations": iterations, "particle_enable_self_contact": False if solver == "SolverVBD" else None}
+        self._begin(self._build(scene, body.position, solver), solver, (body.position, body.velocity), how)
 
-    def _build(self, scene: Scene, position: np.ndarray, solver: str) -> Any:
+    def _build(self, scene: Scene, position: np.ndarray, solver: str) -> FromNewton:
         mesh, (mu, lam) = scene.tetrahedra_set, lame_of(scene)
         if solver == "SolverSemiImplicit":
             mu, lam = 4 / 3 * mu, lam + 5 / 6 * mu
