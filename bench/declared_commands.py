@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ast
 import inspect
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from types import GenericAlias
@@ -17,13 +17,14 @@ from typer.models import CommandInfo
 from softlab.app.command.command_line import DEFAULT_STORE, StorePath
 from softlab.bench.experiments.registry import EXPERIMENTS, experiments
 from softlab.bench.measure.took import Timed
-from softlab.bench.options import Backends, measure
+from softlab.bench.options import Backends, Cluster, Sbatch, Workers, measure, where_asked
 from softlab.model.base.errors import SceneError
 
 if TYPE_CHECKING:  # which imports the solvers
     from softlab.bench.measure.declaration import Experiment, Option
 
-BACKEND, QUICK, STORE = "backend", "quick", "store"  # parameters that are not options of an experiment
+BACKEND, QUICK, STORE, WORDS = "backend", "quick", "store", "names"  # parameters that are not options of an experiment
+Parameters = dict[str, tuple[object, object]]  # parameter of a command -> its type and its default
 
 
 class DeclaredCommand(Timed):
@@ -70,18 +71,42 @@ def _argument(option: Option) -> str:
     return option.flag.lstrip("-").replace("-", "_")
 
 
-def _annotated(option: Option) -> Any:
-    """Return the type of an option's parameter, with the words of its help."""
+def _annotated(option: Option, negated: bool = False) -> Any:
+    """Return the type of an option's parameter, with the words of its help; `negated`: a switch with --no- beside it."""
     kind: Any = bool if option.type is bool else GenericAlias(list, (option.type,)) | None
-    return Annotated[kind, typer.Option(option.flag, help=option.help)]
+    flag = f"{option.flag}/--no-{option.flag.lstrip('-')}" if negated else option.flag
+    return Annotated[kind, typer.Option(flag, help=option.help)]
+
+
+def _parameters(declared: Sequence[Experiment], options: Collection[Option]) -> Parameters:
+    """Return the type and the default of each parameter of a command."""
+    from softlab.bench.measure.declaration import PRECISION, Option
+
+    parameters: Parameters = {QUICK: (_annotated(Option("--quick", declared[0].quick_help, bool)), False)}
+    switches = [one.switch for one in declared if one.switch]
+    for option in (*switches, *(one for one in options if one is not PRECISION)):
+        default = bool(option.usual) if option.type is bool else None
+        parameters[_argument(option)] = _annotated(option, bool(default)), default
+        if option.words:
+            words = typer.Argument(metavar=option.words, help=f"Same as {option.flag}.", show_default=False)
+            parameters[WORDS] = Annotated[list[str] | None, words], None
+    parameters |= {_argument(one.extra): (_annotated(one.extra, True), None) for one in declared if one.extra}
+    if any(one.on_backends for one in declared):
+        parameters[BACKEND] = Backends, None
+    if PRECISION in options:
+        parameters[_argument(PRECISION)] = _annotated(PRECISION), None
+    if declared[0].on_workers:
+        parameters |= {"cluster": (Cluster, None), "workers": (Workers, None), "sbatch": (Sbatch, None)}
+    return parameters | {STORE: (StorePath, DEFAULT_STORE)}
 
 
 def command_function(declared: Sequence[Experiment]) -> Callable[..., None]:
     """Return the function of a command, whose parameters are the options of its experiments."""
-    from softlab.bench.measure.declaration import PRECISION, Option
+    from softlab.bench.measure.declaration import PRECISION
 
     switches = {one: one.switch for one in declared if one.switch}
     options = {name: option for one in declared for name, option in one.options.items()}
+    parameters = _parameters(declared, options.values())
 
     def run(**values: Any) -> None:
         asked = [one for one, switch in switches.items() if values[_argument(switch)]]
@@ -89,26 +114,31 @@ def command_function(declared: Sequence[Experiment]) -> Callable[..., None]:
             first, second = (switches[one].flag for one in asked[:2])
             raise SceneError(second, True, f"cannot be combined with {first}; leave one out")
         selected = asked or [one for one in declared if one not in switches]
-        wanted = {name: value for name, option in options.items() if (value := values[_argument(option)])}
+        wanted = {}
+        for name, option in options.items():
+            value = values[_argument(option)]
+            if option.words:
+                value = [*(values[WORDS] or ()), *(value or ())]
+            if value not in ([], parameters[_argument(option)][1]):
+                wanted[name] = value
         _check_options(declared, selected, {name: (options[name], value) for name, value in wanted.items()})
+        workers = [values[name] for name in ("cluster", "workers", "sbatch")] if declared[0].on_workers else [None] * 3
+        where = where_asked(*workers)
         for one in selected:
-            if all(
+            extra = values[_argument(one.extra)] if one.extra else None
+            has_all = all(
                 name in one.options or options[name] is PRECISION for name in wanted
-            ):  # else no part of it is wanted
+            )  # else no part is wanted
+            if extra or (extra is None and has_all):
                 chosen = {name: value for name, value in wanted.items() if name in one.options}
                 backends = {"backends": values[BACKEND]} if one.on_backends else {}
-                measure(values[STORE], one, {QUICK: values[QUICK], **backends, **chosen}, show=one.show)
+                summary = measure(
+                    values[STORE], one, {QUICK: values[QUICK], **backends, **chosen}, show=one.show, report=one.report,
+                    where=where, timed=one.timed,
+                )  # fmt: skip
+                if status := one.exit_status(summary):
+                    raise typer.Exit(status)
 
-    parameters: dict[str, tuple[Any, Any]] = {
-        QUICK: (_annotated(Option("--quick", declared[0].quick_help, bool)), False)
-    }
-    for option in (*switches.values(), *(one for one in options.values() if one is not PRECISION)):
-        parameters[_argument(option)] = _annotated(option), False if option.type is bool else None
-    if any(one.on_backends for one in declared):
-        parameters[BACKEND] = Backends, None
-    if PRECISION in options.values():
-        parameters[_argument(PRECISION)] = _annotated(PRECISION), None
-    parameters[STORE] = StorePath, DEFAULT_STORE
     run.__dict__["__signature__"] = inspect.Signature([
         inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=annotation)
         for name, (annotation, default) in parameters.items()

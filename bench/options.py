@@ -17,13 +17,6 @@ if TYPE_CHECKING:
     from softlab.bench.store.database import Store
 
 Backends = Annotated[list[str] | None, typer.Option(help="Only this backend. Repeatable.")]
-Integrators = Annotated[list[str] | None, typer.Option(help="Only this integrator. Repeatable.")]
-Methods = Annotated[
-    list[str] | None,
-    typer.Option(
-        help='Only this integrator or position-based method ("xpbd jacobi"; xpbd: all orderings). Repeatable.'
-    ),
-]
 Precisions = Annotated[list[str] | None, typer.Option(help="Only float32, or float64. Repeatable.")]
 Cluster = Annotated[
     str | None,
@@ -51,18 +44,13 @@ def precisions_of(chosen: list[str] | None, usual: Sequence[str] = ()) -> tuple[
     return tuple(dict.fromkeys(Options(name).precision for name in chosen or usual or PRECISIONS))
 
 
-def print_summary(console: Console, summary: object) -> None:
-    """Print the summary of an experiment."""
-    console.print(str(summary), markup=False, soft_wrap=True)
-
-
 def measure(
     path: Path,
     run: Callable[..., Any],
     how: Mapping[str, object],
     *,
     show: Callable[[Console, Store, str], None] | None = None,
-    report: Callable[[Console, Any], None] = print_summary,
+    report: Callable[[Console, Any], None] | None = None,
     where: object = None,
     timed: bool = True,
 ) -> Any:
@@ -82,7 +70,10 @@ def measure(
         for machine in [summary.machine] if where is None else summary.machines:
             if show is not None:
                 show(out, store, machine)
-        report(out, summary)
+        if report is None:
+            out.print(str(summary), markup=False, soft_wrap=True)
+        else:
+            report(out, summary)
         if where is not None:
             component("softlab.bench.cluster.summary:print_workers", "--cluster")(out, summary)
     if summary.interrupted:

@@ -34,7 +34,6 @@ from softlab.app.command.file_commands import filing
 from softlab.app.command.options_class import with_options
 from softlab.app.command.run_options import RunOptions
 from softlab.bench.advice_commands import advising
-from softlab.bench.commands import measuring
 from softlab.bench.declared_commands import add_commands
 from softlab.bench.scale_commands import scaling
 from softlab.bench.store.commands import keeping
@@ -155,8 +154,7 @@ def demo(
         )
 
 
-for group in (sweeping, measuring):
-    app.registered_commands += group.registered_commands  # here: it is the order of --help
+app.registered_commands += sweeping.registered_commands  # here: it is the order of --help
 add_commands(app)
 for group in (advising, telling):
     app.registered_commands += group.registered_commands

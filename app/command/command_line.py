@@ -1,4 +1,4 @@
-"""Common parts of the commands of softlab/cli.py and bench/commands.py: options of several of them, consoles, and error
+"""Common parts of the commands of softlab/cli.py and bench/*commands.py: options of several of them, consoles, and error
 messages."""
 
 from __future__ import annotations

@@ -31,8 +31,8 @@ from softlab.bench.measure.experiment import described
 from softlab.bench.measure.items import Group, Items, cost_sources
 from softlab.bench.measure.timing import Subject, prepare
 from softlab.bench.store.database import Store
-from softlab.bench.store.results import Measure, by_configuration
-from softlab.bench.store.schema import Description, tables_by_kind
+from softlab.bench.store.results import Measure, results_of
+from softlab.bench.store.schema import Description
 from softlab.model.base.errors import SoftlabError
 from softlab.model.scene.scene import Scene
 
@@ -112,21 +112,19 @@ def costs(stored: Iterable[Measure]) -> list[Cost]:
     everything = list(stored)
     answers: dict[tuple[str, int], Bar] = {}
     some = {JELLY: (SOME_LAYERS, SOME_OVERLAP), **dict.fromkeys(TETRAHEDRA, (SOME_VOXELS, 1.0))}
-    for one in rows(measure for measure in everything if is_bar(measure)):
-        if not one.law and (one.fine, one.size) == some.get(one.solver, (SOME_LINKS, 1.0)):
-            answers.setdefault((one.solver, one.substeps), one)
+    for bar_row in rows(measure for measure in everything if is_bar(measure)):
+        if not bar_row.law and (bar_row.fine, bar_row.size) == some.get(bar_row.solver, (SOME_LINKS, 1.0)):
+            answers.setdefault((bar_row.solver, bar_row.substeps), bar_row)
     result = []
-    for numbers in by_configuration(m for m in everything if m.description.get("finding") == COST):
-        seconds = numbers.get(SECONDS)
-        if seconds is None or seconds.value is None:
+    for one in results_of(everything, COST):
+        if (seconds := one.values.get(SECONDS)) is None:
             continue
-        fields = seconds.description
-        steps = round(FRAME / tables_by_kind(fields["scene"])["method"]["dt"])
+        fields = one.description
+        steps = round(FRAME / one.tables["method"]["dt"])
         budget = fields["solver"], fields["substeps"]
         row = answers.get(budget)
         off = [None if row is None or (part := row.part(name)) is None else part - 1 for name in (SAG, FREQUENCY)]
-        suspect = "; " in (seconds.reason or "")
-        result.append(Cost(fields["backend"], *budget, steps * seconds.value, suspect, *off))
+        result.append(Cost(fields["backend"], *budget, steps * seconds, one.is_suspect(SECONDS), *off))
     return sorted(result, key=lambda c: (c.backend, c.solver, c.substeps))
 
 

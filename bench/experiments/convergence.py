@@ -25,6 +25,7 @@ import numpy as np
 from softlab.app.driver import open_simulation
 from softlab.bench.experiments.accuracy.methods import XPBD, changes
 from softlab.bench.measure.costs_timing import FULL, QUICK, Effort, Measures, Record, in_turn
+from softlab.bench.measure.declaration import WITH_FINDINGS
 from softlab.bench.measure.experiment import described
 from softlab.bench.measure.items import Group, Items, cost_sources
 from softlab.bench.measure.timing import Subject, prepare
@@ -100,7 +101,7 @@ class Convergence(Items):
     """Measure how the orderings of a position-based solver converge, by iterations and by time."""
 
     name, command, doing = CONVERGENCE, "accuracy", f"{CONVERGENCE}: "
-    in_lab = True
+    in_lab, on_workers, extra = True, True, WITH_FINDINGS
     items = staticmethod(groups)
 
 

@@ -164,6 +164,15 @@ class Fluids(Rates):
         "fractions": _fractions,  # the measures of the cup, by name
     }
     order = ("backend", "precision", "other_scheme", "particles")
+    table = {
+        "particles": "particles", "scheme": "scheme", "kernel": lambda row: f"{row.backend}, {row.kernel}",
+        "precision": "precision", "frame, ms": lambda row: f"{1e3 * row.step:.4g}{'?' * row.incomplete}",
+        "million / s": lambda row: f"{row.rate / 1e6:.4g}",
+    }  # fmt: skip
+    note = (
+        "million / s: particles times substeps times iterations (of divergence-free both solves'), searches included; "
+        "?: incomplete"
+    )
 
     def work(self, scene: Scene) -> float:
         """Return particles x iterations per frame."""
@@ -193,20 +202,8 @@ class Fluids(Rates):
 
     def show(self, console: Console, store: Store, machine: str) -> None:
         """Print tables of what was timed on a machine: frames, single stages, and a cup that poured."""
+        super().show(console, store, machine)
         timed = self.rows(measures(store, machine=machine), every=True)
-        rows = [
-            (
-                str(p.particles), p.scheme, f"{p.backend}, {p.kernel}", p.precision,
-                f"{1e3 * p.step:.4g}{'?' * p.incomplete}", f"{p.rate / 1e6:.4g}",
-            )
-            for p in timed
-        ]  # fmt: skip
-        heads = columns(("particles", "scheme", "kernel", "precision"), ("frame, ms", "million / s"))
-        note = (
-            "million / s: particles times substeps times iterations (of divergence-free both solves'), searches included; "
-            "?: incomplete"
-        )
-        print_table(console, heads, rows, note)
         stages: list[tuple[str, ...]] = []
         for p in (p for p in timed if p.phases):  # pools
             scene = pool(p.particles, p.scheme)

@@ -11,10 +11,12 @@ if TYPE_CHECKING:  # every command imports this list
 
 # command -> where its experiments are, in the order of the commands and of `softlab lab`
 EXPERIMENTS: dict[str, tuple[str, ...]] = {
-    command: tuple(f"softlab.bench.experiments.{place}" for place in places.split())
+    command: tuple(place if ".bench." in place else f"softlab.bench.experiments.{place}" for place in places.split())
     for command, places in {
-        "accuracy": "findings.experiment:Findings findings.costs:Costs convergence:Convergence",
         "sweep": "scaling.experiment:Scaling",
+        "accuracy": "accuracy.experiment:Accuracy findings.experiment:Findings findings.costs:Costs convergence:Convergence",
+        "stability": "stability.experiment:Stability",
+        "hard": "softlab.bench.stress.experiment:Hard",
         "projections": "projections:Projections element_projections:ElementProjections",
         "throughput": "throughput:Throughput",
         "fluids": "fluids:Fluids fluid_truth.rows:FluidTruth fluid_rest:FluidRest",

@@ -34,18 +34,19 @@ RowType = TypeVar("RowType")
 class Option:
     """An option of an experiment, which may be repeated on the command line, or (`type` bool) a switch.
 
-    `help`: empty where the command is written by hand; `values`: all that are allowed, if they are known; `usual`: those
-    without the option (None: all; of a switch: off), `quick`: in a quick run (None: the same); `rows`: a first word stands
-    for all values that begin with it.
+    `values`: all that are allowed, if they are known; `usual`: those without the option (None: all; of a switch: off),
+    `quick`: in a quick run (None: the same); `rows`: a first word stands for all values that begin with it; `words`: name
+    of values that are given without the flag, too.
     """
 
     flag: str
-    help: str = ""
+    help: str
     type: type = str
     values: Sequence[Value] = ()
     usual: Sequence[Value] | None = None
     quick: Sequence[Value] | None = None
     rows: bool = False
+    words: str = ""
 
     def chosen(self, wanted: Any, quick: bool) -> bool | list[Value]:
         """Return the wanted values, each once, or the usual ones. Raises SceneError for a value that is not allowed."""
@@ -70,6 +71,12 @@ PRECISION = Option(
     "--precision", "float32 (the default), or float64. Repeatable.", values=tuple(PRECISIONS), usual=("float32",)
 )
 
+
+WITH_FINDINGS = Option(
+    "--findings", "Also run the small experiments behind single findings (default: only if nothing is selected).", bool
+)
+METHODS_HELP = 'Only this integrator or position-based method ("xpbd jacobi"; xpbd: all orderings). Repeatable.'
+PRECISIONS_HELP = "Only float32, or float64. Repeatable."
 
 Cell = str | Callable[[Any], str]  # an attribute of a row, in a column of words, or the text of a number
 
@@ -128,21 +135,25 @@ class Experiment(Generic[CaseType, RowType]):
     is the help of its command.
 
     `name`: of its summary and of its versions (bench/keys/versions.py); `command`: the sub-command that measures it, in
-    turn with the others of that command; `switch`: the option that selects it instead of the others; `example`,
-    `quick_help`: texts of the command; `options`: argument -> Option; `on_backends`: whether it has --backend;
-    `whole`: a group is
-    measured anew if any of its cases is missing; `in_lab`: measured by `softlab lab`. `table`: head -> cell of a row, with
-    the words `note` below.
+    turn with the others of that command; `switch`: the option that selects it instead of the others; `extra`: the option
+    that adds it to what others select, or with --no- leaves it out; `example`, `quick_help`: texts of the command;
+    `options`: argument -> Option; `on_backends`: whether it has --backend; `on_workers`: whether it has --cluster, with a
+    machine for each worker if it is `timed`; `whole`: a group is measured anew if any of its cases is missing; `in_lab`:
+    measured by `softlab lab`. `table`: head -> cell of a row, with the words `note` below.
     """
 
     name: ClassVar[str]
     command: ClassVar[str] = ""
     switch: ClassVar[Option | None] = None
+    extra: ClassVar[Option | None] = None
     example: ClassVar[str] = ""
     quick_help: ClassVar[str] = "Fewer and smaller cases."
     options: ClassVar[Mapping[str, Option]] = {}
     summary: ClassVar[type[Summary]] = Summary
+    report: ClassVar[Callable[..., None] | None] = None  # prints the summary; None: as text
     on_backends: ClassVar[bool] = True
+    on_workers: ClassVar[bool] = False
+    timed: ClassVar[bool] = True
     whole: ClassVar[bool] = False
     in_lab: ClassVar[bool] = False
     table: ClassVar[Mapping[str, Cell]] = {}
@@ -215,6 +226,10 @@ class Experiment(Generic[CaseType, RowType]):
             for head, cell in self.table.items()
         ]
         print_table(console, heads, cells, self.note)
+
+    def exit_status(self, summary: Any) -> int:
+        """Return the exit status of the command after a measurement that was not interrupted."""
+        return 0
 
     def asked_by(self) -> str:
         """Return the command that measures it, as a user types it."""

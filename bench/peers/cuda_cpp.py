@@ -5,6 +5,7 @@ No Python runs between the steps of a graph.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -135,6 +136,13 @@ class Sheet(Opened):
         self._memory.append(memory)
         return memory
 
+    def _uploaded(self, arrays: Sequence[np.ndarray]) -> list[Any]:
+        """Return device memory with the contents of each array."""
+        memory = [self._allocate(array.nbytes) for array in arrays]
+        for target, array in zip(memory, arrays, strict=True):
+            self._upload(target, array)
+        return memory
+
     def _upload(self, target: driver.CUdeviceptr, array: np.ndarray) -> None:
         checked(self._driver.cuMemcpyHtoD(target, array.ctypes.data, array.nbytes), "cuMemcpyHtoD")
 
@@ -256,8 +264,4 @@ class _Grid(Sheet):
         constants = self.constants
         pinned = np.zeros(constants.count, np.uint8)
         pinned[constants.pinned] = 1
-        arrays = np.ascontiguousarray(pinned.reshape(constants.rows, -1).max(axis=1)), pinned
-        memory = [self._allocate(array.nbytes) for array in arrays]
-        for target, array in zip(memory, arrays, strict=True):
-            self._upload(target, array)
-        return memory
+        return self._uploaded([np.ascontiguousarray(pinned.reshape(constants.rows, -1).max(axis=1)), pinned])

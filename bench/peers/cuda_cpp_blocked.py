@@ -190,11 +190,8 @@ class Blocked(Sheet):
         if self.kernel_kind == RESIDENT:
             flags = np.zeros(self._blocks[0] * self._blocks[1] * FLAG_STRIDE, np.int32)
             arrays += [np.zeros((2, self.constants.count, 4), np.float32), flags, np.zeros(1, np.int32)]
-        memory = [self._allocate(array.nbytes) for array in arrays]
-        for target, array in zip(memory, arrays, strict=True):
-            self._upload(target, array)
-        self._exchanged = memory[1:]
-        return memory[:1]
+        pins, *self._exchanged = self._uploaded(arrays)
+        return [pins]
 
     def _argument_list(self, source: int) -> tuple[np.ndarray, list[np.ndarray]]:
         constants = self.constants

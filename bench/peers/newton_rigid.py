@@ -11,14 +11,12 @@ this step size.
 
 from __future__ import annotations
 
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 
 from softlab.bench.peers.base import Opened
-from softlab.bench.peers.newton_sheet import Newton, load_newton
-from softlab.bench.peers.warp_base import Replayed
+from softlab.bench.peers.newton_sheet import FromNewton, Model, Newton, load_newton
 from softlab.model.core.build import build
 from softlab.model.scene.scene import Scene
 
@@ -51,35 +49,26 @@ class NewtonRigid(Newton):
         return _Towers(scene, self.solver, self.backend, self.iterations)
 
 
-class _Towers(Replayed):
+class _Towers(Model):
     chunks = (4, 2)  # a step has some thousand launches
 
     def __init__(self, scene: Scene, solver: str, backend: str, iterations: int | None):
         super().__init__(backend)
-        newton = self._newton = load_newton()
-        body, bodies = build(scene), scene.body_set
+        body = build(scene)
         self._substeps = scene.method.substeps
         self._h = scene.method.dt / self._substeps
-        count = len(bodies.copies)
-        self._start = body.position.reshape(count, -1, 3)
+        self._start = body.position.reshape(len(scene.body_set.copies), -1, 3)
         self._rest = self._start - self._start.mean(axis=1, keepdims=True)
-        self._model = self._build(newton, scene)
-        self._pipeline = newton.CollisionPipeline(self._model, broad_phase="sap")
+        model = self._build(scene)
+        self._pipeline = load_newton().CollisionPipeline(model, broad_phase="sap")
         self._contacts = self._pipeline.contacts()
-        how = {} if iterations is None else {"iterations": iterations}
-        self._solver = getattr(newton.solvers, solver)(self._model, **how)
-        self._states = [self._model.state(), self._model.state()]
-        self._control = self._model.control()
-        self._step()  # loads the kernels: no module may be loaded while a graph is captured
-        self._capture()
-        self.load(body.position, body.velocity)
+        self._begin(model, solver, (body.position, body.velocity), {"iterations": iterations})
 
-    def _build(self, newton: ModuleType, scene: Scene) -> Any:
-        down = scene.gravity.acceleration if scene.gravity and scene.gravity.enabled else 0.0
-        builder = newton.ModelBuilder(up_axis=newton.Axis.Y, gravity=(0.0, -down, 0.0))
+    def _build(self, scene: Scene) -> FromNewton:
+        builder = self._builder(-scene.gravity.acceleration if scene.gravity and scene.gravity.enabled else 0.0)
         (plane,) = scene.colliders
         beam: Any = next(iter(scene.bodies.values()))
-        material = newton.ModelBuilder.ShapeConfig(
+        material = builder.ShapeConfig(
             density=beam.density, mu=plane[1].dynamic_friction, ke=CONTACT_STIFFNESS, kd=CONTACT_DAMPING
         )
         builder.add_ground_plane(cfg=material)
@@ -91,13 +80,9 @@ class _Towers(Replayed):
         builder.color()
         return builder.finalize(device=self._device)
 
-    def _step(self) -> None:
-        for _ in range(self._substeps):
-            old, new = self._states[self._current], self._states[1 - self._current]
-            old.clear_forces()
-            self._pipeline.collide(old, self._contacts)
-            self._solver.step(old, new, self._control, self._contacts, self._h)
-            self._current = 1 - self._current
+    def _prepare(self, state: FromNewton) -> None:
+        super()._prepare(state)
+        self._pipeline.collide(state, self._contacts)
 
     def load(self, position: np.ndarray, velocity: np.ndarray) -> None:
         """Move each beam to its particles, as closely as a rigid motion can."""
@@ -115,7 +100,7 @@ class _Towers(Replayed):
         for state in self._states:
             state.body_q.assign(pose)
             state.body_qd.assign(motion)
-            self._newton.eval_ik(self._model, state, state.joint_q, state.joint_qd)
+            load_newton().eval_ik(self._model, state, state.joint_q, state.joint_qd)
         self._solver.reset(self._states[0])
         self.synchronize()
 
@@ -127,10 +112,6 @@ class _Towers(Replayed):
         position = pose[:, None, :3] + away
         velocity = motion[:, None, :3] + np.cross(motion[:, None, 3:], away)
         return position.reshape(-1, 3).astype(np.float32), velocity.reshape(-1, 3).astype(np.float32)
-
-    def close(self) -> None:
-        super().close()
-        self._states = []
 
 
 def _rotations(quaternion: np.ndarray) -> np.ndarray:

@@ -31,6 +31,8 @@ from softlab.model.scene.scene import Scene
 
 MOST_SPRINGS = 4_000_000  # its model is made of Python lists
 REMEDY = "pip install 'soft-body-lab[peers]'"
+FromNewton = Any  # a builder, model, state or contacts of the package, whose types are unknown without it
+Motion = tuple[np.ndarray, np.ndarray]  # positions [m] and velocities [m/s] of all particles
 
 
 @cache
@@ -123,32 +125,90 @@ def _lattice_colours(rows: int, columns: int) -> list[np.ndarray]:
     return [members for n in range(9) if len(members := np.flatnonzero(3 * (i % 3) + j % 3 == n))]
 
 
-class _Sheet(Replayed):
+class Model(Replayed):
+    """Replayed steps of a model of Newton, by one of its solvers: two states in turn, particles unless overridden."""
+
+    _substeps = 1  # per step, each of `_h` [s]
+    _h: float
+    _contacts: FromNewton = None
+    _dimensions = 3
+
+    def _begin(self, model: FromNewton, solver: str, start: Motion, how: dict[str, int | None]) -> None:
+        """Make the solver, without the options that are None, and capture its steps from `start`."""
+        self._model, self._control = model, model.control()
+        chosen = {name: value for name, value in how.items() if value is not None}
+        self._solver = getattr(load_newton().solvers, solver)(model, **chosen)
+        self._states = [model.state(), model.state()]
+        self.load(*start)
+        self._step()  # loads the kernels: no module may be loaded while a graph is captured
+        self._current = 0
+        self._capture()
+        self.load(*start)
+
+    def _builder(self, gravity: float) -> FromNewton:
+        """Return a builder of models, with gravity along +y [m/s^2]."""
+        newton = load_newton()
+        return newton.ModelBuilder(up_axis=newton.Axis.Y, gravity=(0.0, gravity, 0.0))
+
+    def _finalized(self, builder: FromNewton) -> FromNewton:
+        """Return a model of particles that neither collide nor are slowed down."""
+        model = builder.finalize(device=self._device)
+        model.particle_grid = None
+        model.particle_max_velocity = math.inf
+        return model
+
+    def _in_space(self, array: np.ndarray) -> np.ndarray:
+        """Return the array as (particles, 3) float32."""
+        space = np.zeros((len(array), 3), np.float32)
+        space[:, : array.shape[1]] = array
+        return space
+
+    def _prepare(self, state: FromNewton) -> None:
+        """Set the external forces of a substep."""
+        state.clear_forces()
+
+    def _step(self) -> None:
+        for _ in range(self._substeps):
+            old, new = self._states[self._current], self._states[1 - self._current]
+            self._prepare(old)
+            self._solver.step(old, new, self._control, self._contacts, self._h)
+            self._current = 1 - self._current
+
+    def load(self, position: np.ndarray, velocity: np.ndarray) -> None:
+        self._current = 0
+        for state in self._states:
+            state.particle_q.assign(self._in_space(position))
+            state.particle_qd.assign(self._in_space(velocity))
+        self.synchronize()
+
+    def read(self) -> tuple[np.ndarray, np.ndarray]:
+        self.synchronize()
+        state = self._states[self._current]
+        position, velocity = (
+            array.numpy()[:, : self._dimensions].copy() for array in (state.particle_q, state.particle_qd)
+        )
+        return position, velocity
+
+    def close(self) -> None:
+        super().close()
+        self._states = []
+
+
+class _Sheet(Model):
     chunks = (16, 4, 2)  # a step has up to some hundred launches; Warp's cloth has 16 per frame
 
     def __init__(self, scene: Scene, solver: str, backend: str, iterations: int | None):
         super().__init__(backend)
-        newton = load_newton()
-        self.constants = SheetConstants(scene, "float32")
-        halved = scene.springs is not None  # the hand-out's step
-        mass = scene.grid.mass * (2 if halved else 1)
-        gravity = self.constants.gravity / (2 if halved else 1)
-        self._dt, self._drag = scene.method.dt, self.constants.drag * scene.grid.mass
-        self._dimensions = self.constants.position.shape[1]
-        self._model = self._build(newton, scene, mass, gravity)
-        how = {} if iterations is None else {"iterations": iterations}
-        self._solver = getattr(newton.solvers, solver)(self._model, **how)
-        self._states = [self._model.state(), self._model.state()]
-        self._control = self._model.control()
-        self.load(self.constants.position, self.constants.velocity)
-        self._step()  # loads the kernels: no module may be loaded while a graph is captured
-        self._current = 0
-        self._capture()
-        self.load(self.constants.position, self.constants.velocity)
+        constants = self.constants = SheetConstants(scene, "float32")
+        doubled = 2 if scene.springs is not None else 1  # masses of the hand-out's step, under half of gravity
+        self._h, self._drag = scene.method.dt, constants.drag * scene.grid.mass
+        self._dimensions = constants.position.shape[1]
+        model = self._build(scene, scene.grid.mass * doubled, constants.gravity / doubled)
+        self._begin(model, solver, (constants.position, constants.velocity), {"iterations": iterations})
 
-    def _build(self, newton: ModuleType, scene: Scene, mass: float, gravity: float) -> Any:
+    def _build(self, scene: Scene, mass: float, gravity: float) -> FromNewton:
         constants, springs, body = self.constants, of_scene(scene), build(scene)
-        builder = newton.ModelBuilder(up_axis=newton.Axis.Y, gravity=(0.0, gravity, 0.0))
+        builder = self._builder(gravity)
         builder.add_particles(
             pos=self._in_space(constants.position).tolist(),
             vel=self._in_space(constants.velocity).tolist(),
@@ -162,46 +222,13 @@ class _Sheet(Replayed):
         builder.spring_damping.extend(springs.damping.tolist())
         builder.spring_control.extend([0.0] * len(springs.first))
         builder.set_coloring(_lattice_colours(body.rows, body.columns))
-        model = builder.finalize(device=self._device)
-        model.particle_grid = None  # otherwise its particles would collide
-        model.particle_max_velocity = math.inf
-        return model
+        return self._finalized(builder)
 
-    def _in_space(self, array: np.ndarray) -> np.ndarray:
-        """Return the array as (particles, 3) float32."""
-        space = np.zeros((len(array), 3), np.float32)
-        space[:, : array.shape[1]] = array
-        return space
-
-    def _step(self) -> None:
-        old, new = self._states[self._current], self._states[1 - self._current]
-        if self._drag > 0:
-            self._wp.launch(
-                _make_drag(),
-                dim=self.constants.count,
-                inputs=[old.particle_qd, self._drag],
-                outputs=[old.particle_f],
-                device=self._device,
-            )
-        else:
-            old.clear_forces()
-        self._solver.step(old, new, self._control, None, self._dt)
-        self._current = 1 - self._current
-
-    def load(self, position: np.ndarray, velocity: np.ndarray) -> None:
-        self._current = 0
-        for state in self._states:
-            state.particle_q.assign(self._in_space(position))
-            state.particle_qd.assign(self._in_space(velocity))
-        self.synchronize()
-
-    def read(self) -> tuple[np.ndarray, np.ndarray]:
-        self.synchronize()
-        state, axes = self._states[self._current], self._dimensions
-        arrays = (state.particle_q.numpy(), state.particle_qd.numpy())
-        position, velocity = (np.ascontiguousarray(array[:, :axes]) for array in arrays)
-        return position, velocity
-
-    def close(self) -> None:
-        super().close()
-        self._states = []
+    def _prepare(self, state: FromNewton) -> None:
+        if self._drag <= 0:
+            super()._prepare(state)
+            return
+        self._wp.launch(
+            _make_drag(), dim=self.constants.count, inputs=[state.particle_qd, self._drag], outputs=[state.particle_f],
+            device=self._device,
+        )  # fmt: skip

@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 import math
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 import numpy as np
 
@@ -68,6 +68,17 @@ def run(word: str, scene: Scene, what: PeerScene, backend: str, threads: int) ->
         expected = judge.state().position
     rows, columns = scene.grid.rows, getattr(scene.grid, "columns", 1)
     print(f"{word}, {rows} x {columns}, {steps} steps", flush=True)
+
+    def check(name: str, peer: Peer, opened: Opened | None) -> int:
+        begin = time.perf_counter()
+        with opened or peer.open(scene, "float32", threads) as running:
+            return _report(name, peer, running, scene, what, start, expected, steps, begin)
+
+    return _each(word, scene, backend, check)
+
+
+def _each(word: str, scene: Scene, backend: str, check: Callable[[str, Peer, Opened | None], int]) -> int:
+    """Return the number of failures of all peers that can run the scene. `check(name, peer, opened)`: of one."""
     failed = 0
     for name, peer, opened in contestants(word, scene, backend):
         able, reason = peer.available()
@@ -75,10 +86,8 @@ def run(word: str, scene: Scene, what: PeerScene, backend: str, threads: int) ->
         if refusal:
             print(f"  {name}: skipped: {refusal}", flush=True)
             continue
-        begin = time.perf_counter()
         try:
-            with opened or peer.open(scene, "float32", threads) as running:
-                failed += _report(name, peer, running, scene, what, start, expected, steps, begin)
+            failed += check(name, peer, opened)
         except Exception as error:
             failed += 1
             print(f"  {name}: BROKE: {type(error).__name__}: {error}", flush=True)
@@ -91,32 +100,24 @@ def _bars(word: str, scene: Scene, exact: Tip, backend: str, threads: int) -> in
     Errors due to few iterations are reported, but not counted.
     """
     print(f"{word}, {len(scene.tetrahedra_set.tetrahedra)} tetrahedra, {exact.frames} frames", flush=True)
-    failed = 0
-    for name, peer, _ in contestants(word, scene, backend):
-        able, reason = peer.available()
-        refusal = peer.refusal(scene) if able else reason
-        if refusal:
-            print(f"  {name}: skipped: {refusal}", flush=True)
-            continue
-        try:
-            peer_tip, begin = peer.tip(scene), time.perf_counter()
-            with peer.open(scene, "float32", threads) as running:
-                running.synchronize()
-                ready, begin = time.perf_counter() - begin, time.perf_counter()
-                running.advance(exact.frames)
-                running.synchronize()
-                each = 1e3 * (time.perf_counter() - begin) / exact.frames
-                position = running.read()[0]
-                law = f", by its own law {peer_tip.error(scene, position):.2g}" if peer_tip else ""
-                off = exact.error(scene, position)
-                print(
-                    f"  {name}: tip {off:.2g} of its way off{law}, {each:.3g} ms a frame, open after {ready:.1f} s",
-                    flush=True,
-                )
-        except Exception as error:
-            failed += 1
-            print(f"  {name}: BROKE: {type(error).__name__}: {error}", flush=True)
-    return failed
+
+    def check(name: str, peer: Peer, _: Opened | None) -> int:
+        peer_tip, begin = peer.tip(scene), time.perf_counter()
+        with peer.open(scene, "float32", threads) as running:
+            running.synchronize()
+            ready, begin = time.perf_counter() - begin, time.perf_counter()
+            running.advance(exact.frames)
+            running.synchronize()
+            each = 1e3 * (time.perf_counter() - begin) / exact.frames
+            position = running.read()[0]
+        law = f", by its own law {peer_tip.error(scene, position):.2g}" if peer_tip else ""
+        off = exact.error(scene, position)
+        print(
+            f"  {name}: tip {off:.2g} of its way off{law}, {each:.3g} ms a frame, open after {ready:.1f} s", flush=True
+        )
+        return 0
+
+    return _each(word, scene, backend, check)
 
 
 def _report(

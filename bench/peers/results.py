@@ -6,7 +6,7 @@ A ratio is taken within one run, where both were measured in turn; between runs 
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from rich.console import Console
@@ -54,8 +54,6 @@ class Ratio:
     wrong: bool
     suspect: tuple[str, ...]
     difference: float | None
-    kernel: str
-    our_kernel: str
     scene: str = "grid"
     our_difference: float | None = None
 
@@ -76,10 +74,10 @@ def ratios(store: Store, machine: str) -> list[Ratio]:
         (machine,),
     )
     descriptions = {key: json.loads(text) for key, text in store.query("SELECT hash, description FROM configuration")}
-    notes = {
-        (run, key, name): (value, reason)
-        for run, key, name, value, reason in store.query(
-            "SELECT run, configuration, name, value, reason FROM measure WHERE name IN (?, 'kernel')", (DIFFERENCE,)
+    distances = {
+        (run, key): value
+        for run, key, value in store.query(
+            "SELECT run, configuration, value FROM measure WHERE name = ?", (DIFFERENCE,)
         )
     }
     samples: dict[tuple[str, str], list[tuple[float, str | None]]] = {}
@@ -100,13 +98,11 @@ def ratios(store: Store, machine: str) -> list[Ratio]:
         if place not in ours or any(is_wrong(mark) for _, mark in samples[run, ours[place]]):
             continue
         ratio = _ratio(descriptions[key], samples[run, key], samples[run, ours[place]])
-        differences = [notes.get((run, which, DIFFERENCE), (None, None))[0] for which in (key, ours[place])]
-        kernels = [notes.get((run, which, "kernel"), (None, None))[1] or "auto" for which in (key, ours[place])]
         identity = (*place[1:], ratio.peer, str(ratio.threads))
-        newest[identity] = Ratio(**ratio.__dict__ | {
-            "difference": differences[0], "our_difference": differences[1], "kernel": kernels[0], "our_kernel": kernels[1],
-            "scene": word_of(descriptions[key]["scene"]),
-        })  # fmt: skip
+        newest[identity] = replace(
+            ratio, difference=distances.get((run, key)), our_difference=distances.get((run, ours[place])),
+            scene=word_of(descriptions[key]["scene"]),
+        )  # fmt: skip
     return sorted(newest.values(), key=lambda r: (r.particles, r.rows, r.backend, r.precision))
 
 
@@ -123,7 +119,7 @@ def _ratio(description: dict, theirs: list[tuple[float, str | None]], ours: list
     return Ratio(
         description["peer"], description["backend"], description["precision"], *shape_of(description["scene"]),
         description["threads"], middle, our_middle, middle / our_middle, float(each.min()), float(each.max()),
-        any(is_wrong(mark) for _, mark in theirs), tuple(suspect), None, "auto", "auto",
+        any(is_wrong(mark) for _, mark in theirs), tuple(suspect), None,
     )  # fmt: skip
 
 

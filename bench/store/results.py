@@ -194,6 +194,36 @@ def by_configuration(stored: Iterable[Measure]) -> list[dict[str, Measure]]:
     return list(named.values())
 
 
+@dataclass(frozen=True)
+class Result:
+    """The measures of one configuration of a finding on one machine, by name."""
+
+    measures: dict[str, Measure]
+
+    @property
+    def description(self) -> Description:
+        return next(iter(self.measures.values())).description
+
+    @property
+    def tables(self) -> dict[str, Any]:
+        """The tables of its scene by their kind."""
+        return tables_by_kind(self.description["scene"])
+
+    @property
+    def values(self) -> dict[str, float]:
+        return {name: one.value for name, one in self.measures.items() if one.value is not None}
+
+    def is_suspect(self, name: str) -> bool:
+        """True if the samples of a measure are doubtful."""
+        return "; " in (self.measures[name].reason or "")
+
+
+def results_of(stored: Iterable[Measure], finding: str, backend: str | None = None) -> list[Result]:
+    """Return the results of a finding (on a backend)."""
+    chosen = (m for m in stored if m.description.get("finding") == finding and backend in (None, m.backend))
+    return [Result(measures) for measures in by_configuration(chosen)]
+
+
 def timings(store: Store, machine: str | None = None, stage: str | None = "step") -> list[Timing]:
     """Return the timings in the store, of one machine (a key) or all, of one stage (None: all), smallest grids first.
 

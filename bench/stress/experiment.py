@@ -18,7 +18,7 @@ import numpy as np
 
 from softlab.bench.experiments.accuracy.methods import FLUIDS, MATCHING, METHODS, TETRAHEDRAL, changes
 from softlab.bench.measure.costs_timing import Measures
-from softlab.bench.measure.declaration import Choices, Experiment, Option
+from softlab.bench.measure.declaration import METHODS_HELP, PRECISIONS_HELP, Choices, Experiment, Option
 from softlab.bench.measure.experiment import Report, ending_cleanly, host_of, source_hash, store_measures
 from softlab.bench.measure.progress import progress_bar
 from softlab.bench.store.database import Store
@@ -26,7 +26,8 @@ from softlab.bench.store.results import configuration, measures_of
 from softlab.bench.store.schema import Description
 from softlab.bench.stress.case import HardCase
 from softlab.bench.stress.cases import CASES
-from softlab.bench.stress.results import CHECK, CODES, SHAPE, VERDICT, HardSummary, rows_of
+from softlab.bench.stress.report import print_hard
+from softlab.bench.stress.results import CHECK, CODES, SHAPE, VERDICT, HardSummary, failed, rows_of
 from softlab.bench.stress.shapes import as_text, bodies_as_text
 from softlab.bench.stress.tetrahedral_cases import tetrahedral_budget
 from softlab.bench.stress.trial import Check, Endless, SilentNaN, Trial
@@ -179,23 +180,33 @@ def _work(
 
 
 class Hard(Experiment):
-    """Run the hard cases that the store lacks, and return all verdicts.
+    """Run the hard cases (collapsed, flipped, far away, squashed, stacked ...): each passes, fails, or is refused with a
+    diagnosis."""
 
-    `cases`: names or rows (`B5`); `integrators`: methods; without them a quick run has the hand-out's step, velocity Verlet
-    and the first scheme of fluids, whose cases are then only partly run unless they are named. `pictures`: save end states
-    as PNG in the folder `hard` beside the store, where OpenGL is available.
-    """
-
+    # Without methods a quick run has QUICK, whose cases are then only partly run unless they are named.
     name, command = "hard cases", "hard"
+    example = "softlab hard --quick   (softlab hard --case B5 --integrator rk4)"
+    quick_help = (
+        "Only the lab step, velocity Verlet and some fluids, in float64, no bodies: under a minute on two cores."
+    )
     options: ClassVar[Mapping[str, Option]] = {
-        "cases": Option("--case", values=tuple(case.name for case in CASES), usual=(), rows=True),
-        "integrators": Option(
-            "--integrator", values=(*METHODS, MATCHING, *TETRAHEDRAL[1:], *FLUIDS), quick=QUICK, rows=True
+        "cases": Option(
+            "--case", "Only this case, by number (B5) or name. Repeatable.", values=tuple(case.name for case in CASES),
+            usual=(), rows=True,
         ),
-        "precisions": Option("--precision", values=tuple(PRECISIONS), quick=QUICK_PRECISIONS),
-        "pictures": Option("--pictures", type=bool, usual=(True,)),
-    }
-    summary = HardSummary
+        "integrators": Option(
+            "--integrator", METHODS_HELP, values=(*METHODS, MATCHING, *TETRAHEDRAL[1:], *FLUIDS), quick=QUICK, rows=True
+        ),
+        "precisions": Option("--precision", PRECISIONS_HELP, values=tuple(PRECISIONS), quick=QUICK_PRECISIONS),
+        "pictures": Option(
+            "--pictures", "Write the final states as PNG to the folder hard beside the database.", bool, usual=(True,)
+        ),
+    }  # fmt: skip
+    summary, report = HardSummary, staticmethod(print_hard)
+
+    def exit_status(self, summary: HardSummary) -> int:
+        """Return 2 if none of the methods runs the cases, 1 if a bug was detected."""
+        return 1 if failed(summary) else 0 if summary.rows else 2
 
     def plan(self, store: Store, backends: Sequence[str], quick: bool, options: Choices) -> Sequence[Sequence[_Work]]:
         named = options["cases"]

@@ -6,6 +6,7 @@ import re
 
 from softlab.bench.experiments.bar_costs import CLOSE, Cost
 from softlab.bench.measure import words
+from softlab.labbook.claims.bodies import substeps_of
 from softlab.labbook.claims.claim import SUSPECT, Claim, Claims, where
 from softlab.plots.core.backends import on_backends
 from softlab.plots.core.data import Results, needed
@@ -26,7 +27,7 @@ def costs_of(results: Results) -> Claim:
             near.setdefault(cost.solver, cost)
         if near:
             numbers |= {f"{backend} {name}": cost.frame for name, cost in near.items()}
-            times = [f"{words.seconds(cost.frame)} ({name}, {_substeps(cost)})" for name, cost in near.items()]
+            times = [f"{words.seconds(cost.frame)} ({name}, {substeps_of(cost)})" for name, cost in near.items()]
             parts.append(f"on {where(backend, source)} {words.listed(times)}")
             busy = busy or any(cost.suspect for cost in near.values())
             judged = {c.solver for c in costs if None not in (c.sag, c.frequency)}
@@ -44,8 +45,3 @@ def costs_of(results: Results) -> Claim:
 def _named(solvers: list[str]) -> str:
     """Return e.g. `tetrahedra (newton) and xpbd`, so that commas only separate methods."""
     return words.listed([re.sub(r"^(.*), (.*)$", r"\1 (\2)", name) for name in solvers])
-
-
-def _substeps(cost: Cost) -> str:
-    """Return e.g. `4 substeps`."""
-    return f"{cost.substeps} substep{'' if cost.substeps == 1 else 's'}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from softlab.bench.experiments.bar import FINEST, SOME_LAYERS, SOME_LINKS, SOME_OVERLAP, SOME_VOXELS
 from softlab.bench.experiments.bar_body import CLUSTERS, LEVER_ARM
+from softlab.bench.experiments.bar_costs import Cost
 from softlab.bench.experiments.bar_rows import JELLY, Bar, first_backend, series
 from softlab.bench.experiments.bar_strip import (
     ACROSS,
@@ -110,7 +111,7 @@ def iterations(results: Results) -> Claim:
     return Claim(text + (reason if grows else "."), numbers, grows)
 
 
-def substeps_of(bar: Bar) -> str:
+def substeps_of(bar: Bar | Cost) -> str:
     """Return e.g. `4 substeps`."""
     return f"{bar.substeps} substep{'' if bar.substeps == 1 else 's'}"
 

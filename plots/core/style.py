@@ -257,13 +257,15 @@ def draw_band(
     ax.plot([x for x, _ in wrong], [y for _, y in wrong], "x", color=BLACK, zorder=5)
 
 
-def log_axes(ax: Axes, y_label: str | None = None, x_label: str = "masses") -> None:
-    """Make both axes logarithmic, with their labels."""
+def log_axes(ax: Axes, y_label: str | None = None, x_label: str = "masses", *, plain: bool = False) -> None:
+    """Make both axes logarithmic, with their labels; `plain`: that of x has plain ticks."""
     ax.set_xscale("log")
     ax.set_yscale("log")
     ax.set_xlabel(x_label)
     if y_label:
         ax.set_ylabel(y_label, fontsize=LONG_LABEL if len(y_label) > LONG else None)
+    if plain:
+        plain_ticks(ax.xaxis)
 
 
 def plain_ticks(axis: Axis) -> None:

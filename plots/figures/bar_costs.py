@@ -6,7 +6,7 @@ from softlab.bench.experiments.bar_costs import CLOSE, Cost, costs
 from softlab.plots.core.backends import name_of, on_backends, sources_of
 from softlab.plots.core.colours import BLACK, GREY
 from softlab.plots.core.data import Results, Source, needed
-from softlab.plots.core.style import Drawing, as_figure, legend_below, new_figure, plain_ticks
+from softlab.plots.core.style import Drawing, as_figure, legend_below, log_axes, new_figure
 from softlab.plots.figures.bar import CURVES, MISSING
 
 PARTS = {"sag off a rod's": lambda cost: cost.sag, "first frequency off a rod's": lambda cost: cost.frequency}
@@ -47,10 +47,7 @@ def draw(results: Results) -> Drawing:
                         x, y, LINES[backend], color=colour, marker=marker, markersize=4, label=label if once else None
                     )
         ax.axhline(CLOSE, color=BLACK, linewidth=0.7, zorder=1)
-        ax.set_xscale("log")
-        ax.set_yscale("log")
-        plain_ticks(ax.xaxis)
-        ax.set_xlabel("time of a frame / ms")
+        log_axes(ax, x_label="time of a frame / ms", plain=True)
         ax.set_ylabel(name)
     for backend, source, _ in chosen:
         axes[0].plot([], [], LINES[backend], color=GREY, label=name_of(backend, source))

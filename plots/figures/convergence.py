@@ -10,11 +10,10 @@ from softlab.bench.experiments.accuracy.methods import XPBD
 from softlab.bench.experiments.convergence import BEFORE, CONVERGENCE, RESIDUAL, colours
 from softlab.bench.measure.costs_timing import LEAST, MOST, RATIO, SECONDS
 from softlab.bench.store.method_name import name_of
-from softlab.bench.store.results import Measure, by_configuration
-from softlab.bench.store.schema import tables_by_kind
+from softlab.bench.store.results import Result, results_of
 from softlab.plots.core.colours import GREY
 from softlab.plots.core.data import Results, Source, needed
-from softlab.plots.core.style import Drawing, as_figure, legend_below, new_figure
+from softlab.plots.core.style import Drawing, as_figure, legend_below, log_axes, new_figure
 from softlab.plots.figures.work_precision import XPBD as CURVES
 
 if TYPE_CHECKING:
@@ -45,10 +44,8 @@ class Converging:
 
 def converging(source: Source, backend: str | None = None) -> list[Converging]:
     """Return all of a source (and backend), by ordering, size and iterations."""
-    groups = by_configuration(
-        m for m in source.measures if m.description.get("finding") == CONVERGENCE and backend in (None, m.backend)
-    )
-    entries = [entry for numbers in groups if (entry := _entry(numbers))]
+    results = results_of(source.measures, CONVERGENCE, backend)
+    entries = [_entry(one) for one in results if one.values.keys() >= {RESIDUAL, BEFORE, SECONDS, RATIO, LEAST, MOST}]
     return sorted(entries, key=lambda e: (e.backend, XPBD.index(e.name), e.side, e.iterations))
 
 
@@ -58,25 +55,13 @@ def lines(source: Source, backend: str | None = None) -> bool:
     return len(set(runs)) < len(runs)
 
 
-def _entry(numbers: dict[str, Measure]) -> Converging | None:
-    value = {name: measure.value for name, measure in numbers.items() if measure.value is not None}
-    if not value.keys() >= {RESIDUAL, BEFORE, SECONDS, RATIO, LEAST, MOST}:
-        return None
-    description = numbers[RESIDUAL].description
-    tables = tables_by_kind(description["scene"])
-    method = tables["method"]
+def _entry(one: Result) -> Converging:
+    value, tables = one.values, one.tables
+    method, grid = tables["method"], next(table for table in tables.values() if "rows" in table)
     return Converging(
-        name=name_of(method),
-        backend=description["backend"],
-        side=next(table for table in tables.values() if "rows" in table)["rows"],
-        iterations=method["iterations"],
-        left=value[RESIDUAL] / value[BEFORE],
-        seconds=value[SECONDS],
-        ratio=value[RATIO],
-        least=value[LEAST],
-        most=value[MOST],
-        suspect="; " in (numbers[RATIO].reason or ""),
-    )
+        name_of(method), one.description["backend"], grid["rows"], method["iterations"], value[RESIDUAL] / value[BEFORE],
+        value[SECONDS], value[RATIO], value[LEAST], value[MOST], one.is_suspect(RATIO),
+    )  # fmt: skip
 
 
 @as_figure("convergence", "Convergence of the orderings", MISSING)
@@ -123,5 +108,4 @@ def _panel(ax: Axes, entries: list[Converging], where: Callable[[Converging], fl
                 )
         if any(entry.name == name for entry in entries):
             ax.plot([], [], marker=marker, color=colour, label=name)
-    ax.set_xscale("log")
-    ax.set_yscale("log")
+    log_axes(ax, x_label="")

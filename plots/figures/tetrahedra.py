@@ -10,7 +10,7 @@ from softlab.bench.experiments.tetrahedral.cantilever import BLOCKS, SECOND
 from softlab.plots.core.backends import on_backends
 from softlab.plots.core.colours import GREY, METHODS
 from softlab.plots.core.data import Results, Source, needed
-from softlab.plots.core.style import Drawing, as_figure, legend_below, new_grid, plain_ticks
+from softlab.plots.core.style import Drawing, as_figure, legend_below, log_axes, new_grid
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -97,6 +97,4 @@ def _panel(ax: Axes, measured: Sequence[Bar], error: Callable[[Bar], float]) -> 
                 ax.plot(x, y, line, color=colour, marker=marker, markersize=3.5)
     if measured:
         ax.axhline(abs(measured[0].mesh_error), linestyle="--", color=GREY, linewidth=1)
-    ax.set_xscale("log")
-    ax.set_yscale("log")
-    plain_ticks(ax.xaxis)
+    log_axes(ax, x_label="", plain=True)

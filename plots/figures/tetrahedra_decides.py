@@ -13,7 +13,7 @@ from softlab.bench.experiments.tetrahedral.promised import WITHIN
 from softlab.plots.core.backends import name_of, on_backends, sources_of
 from softlab.plots.core.colours import BLACK, GREY, METHODS
 from softlab.plots.core.data import Results, Source, needed
-from softlab.plots.core.style import Drawing, as_figure, legend_below, new_grid, plain_ticks
+from softlab.plots.core.style import Drawing, as_figure, legend_below, log_axes, new_grid
 from softlab.plots.figures.tetrahedra import MISSING
 
 if TYPE_CHECKING:
@@ -101,6 +101,4 @@ def _panel(ax: Axes, measured: Sequence[Bar]) -> None:
             if front:
                 ax.plot(x, y, line, color=colour, marker=marker, markersize=3.5)
     ax.axhline(WITHIN, color=BLACK, linewidth=0.7, zorder=1)
-    ax.set_xscale("log")
-    ax.set_yscale("log")
-    plain_ticks(ax.xaxis)
+    log_axes(ax, x_label="", plain=True)

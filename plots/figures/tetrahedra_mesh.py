@@ -8,7 +8,7 @@ from softlab.bench.experiments.tetrahedral.cantilever import SECOND
 from softlab.bench.experiments.tetrahedral.meshes import MESH, STEP, Mesh, Step, meshes, steps
 from softlab.plots.core.colours import BLACK, BLUE, GREY, METHODS, ORANGE, VERMILLION
 from softlab.plots.core.data import Results, judgements, needed
-from softlab.plots.core.style import Drawing, PointStyle, as_figure, legend_below, new_figure, plain_ticks
+from softlab.plots.core.style import Drawing, PointStyle, as_figure, legend_below, log_axes, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -79,8 +79,5 @@ def _steps(ax: Axes, all_steps: list[Step]) -> None:
     for number, points in enumerate(law for law in laws if law):
         named: PointStyle = {} if number else {"label": "what its scheme should lose"}
         ax.plot(*zip(*points, strict=True), "--", color=BLACK, linewidth=1, **named)
-    ax.set_xscale("log")
-    ax.set_yscale("log")
-    plain_ticks(ax.xaxis)
-    ax.set_xlabel("substep / ms")
+    log_axes(ax, x_label="substep / ms", plain=True)
     ax.set_ylabel("amplitude lost / (1/s)")

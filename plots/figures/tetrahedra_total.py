@@ -10,7 +10,7 @@ from softlab.bench.experiments.tetrahedral.decides import moves
 from softlab.plots.core.backends import name_of, on_backends, sources_of
 from softlab.plots.core.colours import BLUE, GREEN, ORANGE, PURPLE
 from softlab.plots.core.data import Results, Source, needed
-from softlab.plots.core.style import Drawing, as_figure, legend_below, new_grid, plain_ticks
+from softlab.plots.core.style import Drawing, as_figure, legend_below, log_axes, new_grid
 from softlab.plots.figures.tetrahedra import MISSING
 from softlab.plots.figures.tetrahedra_decides import STYLES, frontier, kind_of
 
@@ -75,7 +75,5 @@ def _panel(ax: Axes, measured: list[Bar]) -> list[Bar]:
         for bar in front:
             marker = STYLES[kind_of(bar)][2]
             ax.plot(1e3 * bar.seconds, min(bar.total_error, MOST), marker, color=colour, markersize=3.5)
-    ax.set_xscale("log")
-    ax.set_yscale("log")
-    plain_ticks(ax.xaxis)
+    log_axes(ax, x_label="", plain=True)
     return drawn

@@ -15,7 +15,7 @@ from softlab.model.scene.scene import load_scene
 from softlab.plots.core.accuracy_points import Point, points
 from softlab.plots.core.colours import BLACK, GREY, METHODS
 from softlab.plots.core.data import Results, Source, needed
-from softlab.plots.core.style import LONG_LABEL, Drawing, PointStyle, as_figure, legend_below, new_grid
+from softlab.plots.core.style import LONG_LABEL, Drawing, PointStyle, as_figure, legend_below, log_axes, new_grid
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -129,8 +129,7 @@ def _draw_panel(ax: Axes, runs: list[Point], title: str) -> None:
         if iterations in (None, min((p.iterations or 0 for p in runs if p.integrator == name), default=None)):
             ax.plot([], [], marker if iterations is None else "-", color=colour, label=name)
     _draw_front(ax, pareto_front(runs))
-    ax.set_xscale("log")
-    ax.set_yscale("log")
+    log_axes(ax, x_label="")
     if any(_lost(p) for p in runs):
         ax.axvline(edge, color=GREY, linestyle=":", linewidth=1)
         ax.annotate("diverged", (edge, 1), (-3, -2), xycoords=("data", "axes fraction"), textcoords="offset points",

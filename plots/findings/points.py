@@ -8,7 +8,7 @@ from softlab.bench.experiments.findings.costs import CHECK_FRACTION, CHECKS, INT
 from softlab.bench.experiments.findings.determinism import DIFFERENT, GATHER
 from softlab.bench.experiments.findings.experiment import ERROR, RATE
 from softlab.bench.measure.costs_timing import LEAST, MOST, RATIO
-from softlab.bench.store.results import Measure, Timing, by_configuration
+from softlab.bench.store.results import Measure, Result, Timing, results_of
 from softlab.bench.store.schema import tables_by_kind
 from softlab.plots.core.data import Results, Source
 
@@ -43,13 +43,9 @@ def _row(measure: Measure) -> Row | None:
         return None
     method = tables_by_kind(description["scene"])["method"]
     return Row(
-        scheme=str(description.get("scheme", method["integrator"])),
-        dt=method["dt"],
-        precision=description["precision"],
-        backend=description["backend"],
-        offset=description.get("offset", 0.0),
-        value=measure.value,
-    )
+        str(description.get("scheme", method["integrator"])), method["dt"], description["precision"],
+        description["backend"], description.get("offset", 0.0), measure.value,
+    )  # fmt: skip
 
 
 def of_finding(results: Results, finding: str) -> tuple[Source | None, list[Row]]:
@@ -95,36 +91,22 @@ class Cost:
 
 def costs(source: Source, finding: str, backend: str | None = None) -> list[Cost]:
     """Return the costs of a finding (of one backend), small grids first, without the first variant of each comparison."""
-    groups = by_configuration(
-        m for m in source.measures if m.description.get("finding") == finding and backend in (None, m.backend)
-    )
-    entries = [cost for numbers in groups if (cost := _cost(numbers))]
+    entries = [cost for one in results_of(source.measures, finding, backend) if (cost := _cost(one))]
     return sorted(entries, key=lambda cost: (cost.backend, cost.precision, cost.variant, cost.particles))
 
 
-def _cost(numbers: dict[str, Measure]) -> Cost | None:
-    if RATIO not in numbers or numbers[RATIO].value is None:
-        return None
-    description = numbers[RATIO].description
+def _cost(one: Result) -> Cost | None:
+    description, value = one.description, one.values
     variant = description.get("sums", "")
-    if variant == GATHER or description.get("looks") is False:
+    if RATIO not in value or variant == GATHER or description.get("looks") is False:
         return None
-    grid = next(table for table in tables_by_kind(description["scene"]).values() if "rows" in table)
-    value = {name: measure.value for name, measure in numbers.items() if measure.value is not None}
+    grid = next(table for table in one.tables.values() if "rows" in table)
     different = value.get(DIFFERENT)
     return Cost(
-        backend=description["backend"],
-        precision=description["precision"],
-        variant=variant,
-        particles=grid["rows"] * grid["columns"],
-        ratio=value[RATIO],
-        least=value[LEAST],
-        most=value[MOST],
-        check_fraction=value.get(CHECK_FRACTION),
-        interval=int(value.get(INTERVAL, 0)),
-        different=None if different is None else int(different),
-        suspect="; " in (numbers[RATIO].reason or ""),
-    )
+        description["backend"], description["precision"], variant, grid["rows"] * grid["columns"], value[RATIO],
+        value[LEAST], value[MOST], value.get(CHECK_FRACTION), int(value.get(INTERVAL, 0)),
+        None if different is None else int(different), one.is_suspect(RATIO),
+    )  # fmt: skip
 
 
 def check_costs(source: Source, backend: str | None = None) -> list[Cost]:

@@ -9,18 +9,13 @@ from read_figures import LABELS, labels
 from rich.console import Console
 from synthetic_store import GPU_RECORD
 
-from softlab.bench.experiments.projections import (
-    NEIGHBOURS,
-    Projections,
-    case_of,
-    sheet,
-)
+from softlab.bench.experiments.projections import NEIGHBOURS, PUBLISHED, Projections, case_of, sheet
 from softlab.bench.store.database import Store
-from softlab.bench.store.published import PUBLISHED
 from softlab.bench.store.results import measures
 from softlab.labbook.claims.declared import claims_of
 from softlab.model.base.errors import SceneError
 from softlab.model.position_based.plan import constraint_count
+from softlab.model.scene.scene import load_scene
 from softlab.plots.core.declared import draw
 from softlab.plots.core.read import load
 from softlab.plots.core.style import settings
@@ -28,7 +23,7 @@ from softlab.plots.core.style import settings
 
 def test_the_published_sizes_are_the_published_ones():
     """XPBD 2016 tells of 24 000 constraints, Small Steps of 150 000 particles and 896 000 springs."""
-    told = {entry.scene: entry.ours() for entry in PUBLISHED}
+    told = {name: load_scene(name).replace(changes) for name, changes in PUBLISHED}
     assert constraint_count(told["cloth-xpbd"]) == 23_938
     small_steps = told["cloth-small-steps"]
     assert (small_steps.grid.particle_count, constraint_count(small_steps)) == (149_769, 894_746)
@@ -104,12 +99,12 @@ def test_the_terminal_tells_this_machines_alone(store):
 
 
 def _gpu_store(path) -> Store:
-    """A machine with a GPU on which a published step takes a fifth of its time."""
+    """A machine with a GPU on which a published step takes a millisecond."""
     store = Store(path)
     store.add_machine("gpu", "Made-up machine; Made-up GPU", GPU_RECORD)
     run = store.start_run("gpu", "softlab projections", None)
     scenes = [(sheet(n, 12, "gauss-seidel", 10, 10), 1e-7 * n * n) for n in (32, 64, 128)]
-    scenes += [(entry.ours(), entry.seconds / 5) for entry in PUBLISHED]
+    scenes += [(load_scene(name).replace(changes), 1e-3) for name, changes in PUBLISHED]
     for scene, step in scenes:
         case = case_of(scene, "gpu", "float32")
         store.add_measure(run, case.description, "s", Projections.step, step, "s", None)

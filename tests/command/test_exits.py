@@ -61,9 +61,9 @@ MEASURING = {  # command -> what does its work
     "sweep": "softlab.bench.experiments.sweep.run_sweep",
     "sweep --kernels": "softlab.bench.experiments.kernel_sweep.run_kernel_sweep",
     "sweep --peers": "softlab.bench.peers.sweep.run_peers",
-    "accuracy --no-findings": "softlab.bench.experiments.accuracy.experiment.run_accuracy",
+    "accuracy --no-findings": "softlab.bench.experiments.accuracy.experiment.Accuracy.__call__",
     "accuracy": "softlab.bench.experiments.findings.experiment.Findings.__call__",
-    "stability": "softlab.bench.experiments.stability.experiment.run_stability",
+    "stability": "softlab.bench.experiments.stability.experiment.Stability.__call__",
     "projections": "softlab.bench.experiments.projections.Projections.__call__",
     "throughput": "softlab.bench.experiments.throughput.Throughput.__call__",
     "fluids": "softlab.bench.experiments.fluids.Fluids.__call__",
@@ -72,7 +72,7 @@ MEASURING = {  # command -> what does its work
     "ablate lab-grid": "softlab.bench.experiments.advise.ablate.ablate",
 }
 EVERY = MEASURING | {
-    "hard": "softlab.bench.stress.experiment.run_hard",
+    "hard": "softlab.bench.stress.experiment.Hard.__call__",
     "advise lab-grid --error 1e-3": "softlab.bench.experiments.advise.answer.measure_advice",
     "run lab-grid --no-judge": "softlab.app.command.run.run_scene",
     "run lab-grid": "softlab.bench.experiments.accuracy.judge.judge_run",
@@ -132,8 +132,7 @@ def test_the_status_tells_how_it_ended(
     for path in ("softlab.bench.measure.tables.print_sweep", "softlab.bench.measure.tables.print_kernels",
                  "softlab.bench.peers.results.print_peers",
                  "softlab.bench.experiments.throughput.Throughput.show", "softlab.bench.experiments.fluids.Fluids.show",
-                 "softlab.bench.experiments.advise.ablation_results.print_ablation",
-                 "softlab.bench.stress.report.print_hard"):  # fmt: skip
+                 "softlab.bench.experiments.advise.ablation_results.print_ablation"):  # fmt: skip
         monkeypatch.setattr(path, lambda *_: None)
     if work != EVERY["run lab-grid --no-judge"]:
         monkeypatch.setattr("softlab.app.command.run.run_scene", lambda *_: ran())

@@ -19,7 +19,7 @@ from softlab.model.base.errors import BackendUnavailable, InputError
 
 RUNS = {
     "softlab.bench.experiments.sweep.run_sweep": "sweep",
-    "softlab.bench.experiments.accuracy.experiment.run_accuracy": "accuracy",
+    "softlab.bench.experiments.accuracy.experiment.Accuracy.__call__": "accuracy",
     "softlab.bench.experiments.findings.experiment.Findings.__call__": "findings",
     "softlab.bench.experiments.findings.costs.Costs.__call__": "costs",
     "softlab.bench.experiments.convergence.Convergence.__call__": "convergence",
@@ -30,8 +30,8 @@ RUNS = {
     "softlab.bench.experiments.busy.Busy.__call__": "busy",
     "softlab.bench.experiments.tetrahedral.decides.Tetrahedra.__call__": "tetrahedra",
     "softlab.bench.experiments.tetrahedral.meshes.Meshes.__call__": "meshes",
-    "softlab.bench.experiments.stability.experiment.run_stability": "stability",
-    "softlab.bench.stress.experiment.run_hard": "hard",
+    "softlab.bench.experiments.stability.experiment.Stability.__call__": "stability",
+    "softlab.bench.stress.experiment.Hard.__call__": "hard",
     "softlab.bench.experiments.advise.ablate.ablate": "ablate",
 }
 DONE: list[str] = []
@@ -101,7 +101,8 @@ def test_it_says_how_long_it_took_last_time(tmp_path: Path) -> None:
 
 def test_ctrl_c_ends_it_and_is_not_the_time_it_takes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
-        "softlab.bench.experiments.accuracy.experiment.run_accuracy", lambda *_, **__: SimpleNamespace(interrupted=True)
+        "softlab.bench.experiments.accuracy.experiment.Accuracy.__call__",
+        lambda *_, **__: SimpleNamespace(interrupted=True),
     )
     with pytest.raises(KeyboardInterrupt):
         lab(tmp_path)

@@ -40,7 +40,7 @@ ORDER = {
     ),
     "bench": (
         "store", "keys", "measure", "reference", "experiments", "stress", "peers cluster", "options",
-        "advice_commands commands declared_commands scale_commands sweep_commands",
+        "advice_commands declared_commands scale_commands sweep_commands",
     ),
     "plots": ("core", "figures", "findings", "draw"),
     "labbook": (

@@ -14,23 +14,26 @@ from typing import Generic, Protocol, TypeVar
 TARGETS = (1e-1, 1e-2, 1e-3, 1e-4)  # spacings
 
 
-class Timed(Protocol):
-    """A run whose error and time were measured.
-
-    `seconds`: wall time per simulated second, without copies between host and device; `copied`: the same with the copy
-    of the end state to the host. None where it was not measured. `resolved`: the reference is accurate enough for the error.
+class Judged(Protocol):
+    """A run whose error was measured, and its `seconds` of wall time per simulated second, without copies between host
+    and device, None where they were not. `resolved`: the reference is accurate enough for the error.
     """
 
-    @property
-    def backend(self) -> str: ...
     @property
     def error(self) -> float: ...
     @property
     def seconds(self) -> float | None: ...
     @property
-    def copied(self) -> float | None: ...
-    @property
     def resolved(self) -> bool: ...
+
+
+class Timed(Judged, Protocol):
+    """A run on a backend. `copied`: `seconds` with the copy of the end state to the host."""
+
+    @property
+    def backend(self) -> str: ...
+    @property
+    def copied(self) -> float | None: ...
 
 
 Candidate = TypeVar("Candidate", bound=Timed)

@@ -45,13 +45,14 @@ from softlab.bench.experiments.accuracy.points import (
     AccuracyPoint,
     AccuracySummary,
     end_of,
+    labels_of,
     point,
 )
 from softlab.bench.experiments.accuracy.references import motion_of, references, references_for
 from softlab.bench.experiments.accuracy.solver_error import Iterated, iterate, solver_numbers
 from softlab.bench.experiments.growth import Growth
 from softlab.bench.measure.compile_ahead import Job
-from softlab.bench.measure.declaration import Choices, Experiment, Option
+from softlab.bench.measure.declaration import METHODS_HELP, PRECISIONS_HELP, Choices, Experiment, Option
 from softlab.bench.measure.experiment import Report, source_hash, store_measures
 from softlab.bench.measure.samples import in_turns
 from softlab.bench.measure.timing import Subject, prepare_runs
@@ -70,20 +71,27 @@ QUICK_EFFORT, EFFORT = (3, 0.01), (7, 0.02)  # samples, and how long one takes a
 
 
 class Accuracy(Experiment):
-    """Measure the cases that the store lacks and return all points of the grid of cases.
+    """Measure error and speed of every method, step size and precision of grids and cloth (bodies: softlab bar)."""
 
-    `quick`: fewer and shorter samples, no `exact` math, no other sizes, one ordering of xpbd, few iterations, no cloths
-    unless they are named. Subsets that are run separately are combined in the store. References are stored in the folder
-    `references` beside the store.
-    """
-
+    # The summary has all points of the grid of cases. A quick run has fewer and shorter samples, no `exact` math, no other
+    # sizes, one ordering of xpbd, few iterations, no cloths unless they are named. Subsets that are run separately are
+    # combined in the store. References are stored in the folder `references` beside the store.
     name = command = "accuracy"
+    example = "softlab accuracy --quick   (softlab accuracy --integrator rk4 --precision float64)"
+    quick_help = "Fewer repeats and methods, less float32, no exact math, one size."
+    on_workers = True
     options = {  # without these: fewer than all, see `cases`
-        "integrators": Option("--integrator", values=(*METHODS, *OF_CLOTHS), usual=(), rows=True),
-        "precisions": Option("--precision", values=tuple(PRECISIONS), usual=()),
-        "scenes": Option("--scene", values=(*SCENES, *CLOTHS), quick=tuple(SCENES)),
-    }
+        "integrators": Option("--integrator", METHODS_HELP, values=(*METHODS, *OF_CLOTHS), usual=(), rows=True),
+        "precisions": Option("--precision", PRECISIONS_HELP, values=tuple(PRECISIONS), usual=()),
+        "scenes": Option(
+            "--scene", "Only S1 (lab-curtain), S2, S4, S5, S6 or S6-still. Repeatable.", values=(*SCENES, *CLOTHS),
+            quick=tuple(SCENES), words="SCENE",
+        ),
+    }  # fmt: skip
     summary = AccuracySummary
+
+    def picked(self, how: Choices, quick: bool) -> Choices:
+        return super().picked({**how, "scenes": labels_of(how.get("scenes") or ())}, quick)
 
     def plan(self, store: Store, backends: Sequence[str], quick: bool, options: Choices) -> Sequence[Sequence[Case]]:
         """Return the cases of each scene and backend."""

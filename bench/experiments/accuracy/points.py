@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 from softlab.bench.experiments.accuracy import judgement
-from softlab.bench.experiments.accuracy.equal_error import Fastest, equal_error
+from softlab.bench.experiments.accuracy.equal_error import Fastest, Judged, equal_error
 from softlab.bench.experiments.accuracy.methods import WRONG, efforts
 from softlab.bench.experiments.growth import growth_words
 from softlab.bench.measure.experiment import Summary
@@ -29,10 +29,8 @@ COST = "seconds_per_simulated_second"
 SUSPECT_NOTE = "?: suspect, see docs/method/time.md"
 COPY = "copy_seconds"  # copy of the whole state from the device to the host
 MEASURED = {  # field of a point -> its measure
-    "largest": judgement.LARGEST, "half": judgement.HALF, "growth": judgement.GROWTH, "energy": judgement.ENERGY,
-    "energy_off": judgement.ENERGY_OFF, "strain": judgement.STRAIN, "strain_off": judgement.STRAIN_OFF,
-    "mean_off": judgement.MEAN_OFF, "momentum_off": judgement.MOMENTUM_OFF, "copy_seconds": COPY,
-    "solver": judgement.SOLVER, "constraint": judgement.CONSTRAINT, "balance": judgement.BALANCE,
+    "half": judgement.HALF, "growth": judgement.GROWTH, "energy_off": judgement.ENERGY_OFF,
+    "strain_off": judgement.STRAIN_OFF, "mean_off": judgement.MEAN_OFF, "copy_seconds": COPY, "solver": judgement.SOLVER,
 }  # fmt: skip
 
 
@@ -64,18 +62,17 @@ class AccuracyPoint:
     """Result of one configuration.
 
     `scene`: a label of `SCENES`, `CLOTHS` or `SIZES`. `integrator`: the method's name
-    (bench/experiments/accuracy/methods.py). `error`, `largest` [spacings]: root mean square and maximum over the free
-    masses of the distance to Newton's law, infinite if the run diverged or its error was refused. `half`: the error
-    against half the acceleration (`lab` only). `growth`: the factor by which a disturbance of 1e-9 has grown by then.
-    `energy` [J]; `strain`: the largest. `energy_off`, `strain_off`, `mean_off` (centre of mass, spacings),
-    `momentum_off`: differences from the reference. `seconds`: wall time per simulated second, None if not timed; `low`,
-    `high`: the smallest and largest of its repeats; `suspect`: the times are doubtful (other programs ran, the samples
-    vary, they are short). `copy_seconds` [s]: copy of the state to the host, once per run. `resolved`: the reference is
-    accurate enough for this error. `note`: how the error was computed, or why there is none.
+    (bench/experiments/accuracy/methods.py). `error` [spacings]: root mean square over the free masses of the distance to
+    Newton's law, infinite if the run diverged or its error was refused. `half`: the error against half the acceleration
+    (`lab` only). `growth`: the factor by which a disturbance of 1e-9 has grown by then. `energy_off` [J], `strain_off` (of
+    the largest), `mean_off` (centre of mass, spacings): differences from the reference. `seconds`: wall time per simulated
+    second, None if not timed; `low`, `high`: the smallest and largest of its repeats; `suspect`: the times are doubtful
+    (other programs ran, the samples vary, they are short). `copy_seconds` [s]: copy of the state to the host, once per
+    run. `resolved`: the reference is accurate enough for this error. `note`: how the error was computed, or why there is
+    none.
 
     Only for position-based methods: `iterations`, `substeps`; `solver` [spacings]: the error to the same scheme with
-    converged iterations; `constraint` [m] and `balance` [kg m]: residuals of one further substep
-    (bench/experiments/accuracy/solver_error.py).
+    converged iterations (bench/experiments/accuracy/solver_error.py).
     """
 
     scene: str
@@ -91,21 +88,15 @@ class AccuracyPoint:
     resolved: bool
     math: str = "fast"
     threads: int | None = None
-    largest: float | None = None
     growth: float | None = None
-    energy: float | None = None
     energy_off: float | None = None
-    strain: float | None = None
     strain_off: float | None = None
     mean_off: float | None = None
-    momentum_off: float | None = None
     copy_seconds: float | None = None
     note: str | None = None
     iterations: int | None = None
     substeps: int | None = None
     solver: float | None = None
-    constraint: float | None = None
-    balance: float | None = None
     suspect: bool = False
 
     @property
@@ -155,17 +146,6 @@ def method_words(name: str, iterations: int | None) -> str:
         return name
     wrong = f" (to {WRONG[name]})" if name in WRONG else ""
     return f"{name}{wrong}, {iterations} iteration{'s' if iterations > 1 else ''}"
-
-
-class Judged(Protocol):
-    """Interface of an entry of a Pareto front."""
-
-    @property
-    def error(self) -> float: ...
-    @property
-    def seconds(self) -> float | None: ...
-    @property
-    def resolved(self) -> bool: ...
 
 
 Candidate = TypeVar("Candidate", bound=Judged)

@@ -15,6 +15,7 @@ from functools import partial
 
 from softlab.app.driver import open_simulation
 from softlab.bench.measure.costs_timing import FULL, QUICK, QUICKEST, Effort, Measures, Record, in_turn
+from softlab.bench.measure.declaration import WITH_FINDINGS
 from softlab.bench.measure.experiment import described
 from softlab.bench.measure.items import Group, Items, cost_sources
 from softlab.bench.measure.timing import Subject, prepare
@@ -52,7 +53,7 @@ class Costs(Items):
     """Measure the cost of softlab's checks."""
 
     name, command, doing = "costs", "accuracy", "costs: "
-    in_lab = True
+    in_lab, on_workers, extra = True, True, WITH_FINDINGS
     items = staticmethod(groups)
 
 

@@ -24,6 +24,7 @@ from softlab.bench.experiments.accuracy.points import END, SCENES
 from softlab.bench.experiments.accuracy.references import references
 from softlab.bench.measure.case_timing import Case, StepTimes
 from softlab.bench.measure.costs_timing import Measures
+from softlab.bench.measure.declaration import WITH_FINDINGS
 from softlab.bench.measure.experiment import described, source_hash
 from softlab.bench.measure.items import Finding, Item, Items
 from softlab.bench.reference import cache
@@ -63,7 +64,7 @@ class Findings(Items):
     """Run the small experiments behind single sentences of the lab book."""
 
     name, command, doing = "findings", "accuracy", "finding: "
-    in_lab = True
+    in_lab, on_workers, extra = True, True, WITH_FINDINGS
     items = staticmethod(items)
 
 

@@ -154,13 +154,13 @@ def analytic(scene: Scene) -> float:
 
 
 class Stability(Experiment):
-    """Run the points and edges that the store lacks, and return all of them; `print(summary)` is a table.
+    """Measure the stability limit of every integrator over step size, stiffness and damping."""
 
-    `quick`: a coarser map, fewer edges, few integrators in float32, all of which are part of the full set. Subsets of
-    integrators that are run separately are combined in the store.
-    """
-
+    # The points of a quick run are part of the full set. Subsets of integrators are combined in the store.
     name = command = "stability"
+    example = "softlab stability --quick   (softlab stability --integrator rk4)"
+    quick_help = "A coarser map, fewer limits, less float32."
+    on_workers, timed = True, False
     options = {"integrators": Option("--integrator", "Only this integrator. Repeatable.", values=tuple(INTEGRATORS))}
     summary = StabilitySummary
 

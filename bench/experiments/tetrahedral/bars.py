@@ -11,8 +11,7 @@ from softlab.bench.experiments.tetrahedral.cantilever import setting_of
 from softlab.bench.keys.carried import is_older
 from softlab.bench.measure.costs_timing import SECONDS
 from softlab.bench.store.marks import is_wrong
-from softlab.bench.store.results import Measure, by_configuration
-from softlab.bench.store.schema import tables_by_kind
+from softlab.bench.store.results import Measure, results_of
 from softlab.bench.store.versions import sources_of
 
 
@@ -53,21 +52,19 @@ class Bar:
 def bars(stored: Sequence[Measure]) -> list[Bar]:
     """Return the bars from the measures, coarse meshes and soft bars first."""
     all_bars = []
-    for numbers in by_configuration(m for m in stored if m.description.get("finding") == TETRAHEDRA):
-        value = {name: one.value for name, one in numbers.items() if one.value is not None}
+    for one in results_of(stored, TETRAHEDRA):
+        value = one.values
         if not value.keys() >= {MOTION_ERROR, MESH_ERROR, SECONDS, ELEMENTS}:
             continue
-        description = numbers[MOTION_ERROR].description
-        tables = tables_by_kind(description["scene"])
+        tables, time = one.tables, one.measures[SECONDS]
         method = tables["method"]
         all_bars.append(
             Bar(
                 round(value[ELEMENTS]), tables["tetrahedral_body"]["young_modulus"],
-                setting_of(method), method["substeps"], method["iterations"], description["backend"],
-                description["precision"], value[SECONDS], value.get(SOLVER_ERROR, nan), value[MOTION_ERROR],
-                value[MESH_ERROR], "; " in (numbers[SECONDS].reason or ""),
-                is_wrong(numbers[SECONDS].reason),
-                sources_of(numbers[SECONDS]) if is_older(numbers[SECONDS], numbers[SECONDS].configuration) else "",
+                setting_of(method), method["substeps"], method["iterations"], time.backend,
+                time.description["precision"], value[SECONDS], value.get(SOLVER_ERROR, nan), value[MOTION_ERROR],
+                value[MESH_ERROR], one.is_suspect(SECONDS), is_wrong(time.reason),
+                sources_of(time) if is_older(time, time.configuration) else "",
             )
         )  # fmt: skip
     return sorted(

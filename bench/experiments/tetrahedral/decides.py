@@ -7,7 +7,7 @@ therefore counts there only if in motion it makes MOVES of the displacement, too
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from math import isnan
 
@@ -20,7 +20,7 @@ from softlab.bench.measure.declaration import PRECISION, Option
 from softlab.bench.measure.items import Items
 from softlab.bench.measure.tables import print_table
 from softlab.bench.store.database import Store
-from softlab.bench.store.results import measures
+from softlab.bench.store.results import Measure, measures
 
 MOVES = 0.75  # fraction of the displacement in half a vibration
 STIFF = 1e7  # Pa, of the bars that the target applies to
@@ -134,37 +134,6 @@ def print_decisions(console: Console, measured: Sequence[Bar]) -> None:
             console.print(sentence, highlight=False, soft_wrap=True)
 
 
-def print_tetrahedra(console: Console, store: Store, machine: str) -> None:
-    """Print a table of what was measured on a machine."""
-    measured = bars(measures(store, machine=machine))
-    rows = [
-        (
-            str(b.elements), f"{b.young:.0e}", b.solver, f"{b.substeps} x {b.iterations}", b.backend, b.precision,
-            f"{1e3 * b.seconds:.3g}{'?' * b.suspect}", "-" if isnan(b.solver_error) else f"{100 * b.solver_error:+.2f}",
-            f"{100 * b.motion_error:+.2f}", f"{100 * b.mesh_error:+.1f}",
-        )
-        for b in measured
-    ]  # fmt: skip
-    heads = (
-        "tetrahedra",
-        "E / Pa",
-        "solver",
-        "budget",
-        "backend",
-        "precision",
-        "frame / ms",
-        "rest %",
-        "motion %",
-        "mesh %",
-    )
-    note = (
-        "budget: substeps x iterations of a frame of 1/60 s; rest: sag over the exact one of this mesh; motion: the way "
-        "made half a vibration after it was let go, over the exact one; mesh: the exact sag over the continuum's"
-    )
-    print_table(console, heads, rows, note)
-    print_decisions(console, measured)
-
-
 class Tetrahedra(Items):
     """Measure the solver error and the mesh error of a bar of tetrahedra, and the fastest solver within 1 %."""
 
@@ -185,4 +154,21 @@ class Tetrahedra(Items):
         "precisions": PRECISION,
     }  # fmt: skip
     items = staticmethod(groups)
-    show = staticmethod(print_tetrahedra)
+    table = {
+        "tetrahedra": "elements", "E / Pa": lambda bar: f"{bar.young:.0e}", "solver": "solver",
+        "budget": lambda bar: f"{bar.substeps} x {bar.iterations}", "backend": "backend", "precision": "precision",
+        "frame / ms": lambda bar: f"{1e3 * bar.seconds:.3g}{'?' * bar.suspect}",
+        "rest %": lambda bar: "-" if isnan(bar.solver_error) else f"{100 * bar.solver_error:+.2f}",
+        "motion %": lambda bar: f"{100 * bar.motion_error:+.2f}", "mesh %": lambda bar: f"{100 * bar.mesh_error:+.1f}",
+    }  # fmt: skip
+    note = (
+        "budget: substeps x iterations of a frame of 1/60 s; rest: sag over the exact one of this mesh; motion: the way "
+        "made half a vibration after it was let go, over the exact one; mesh: the exact sag over the continuum's"
+    )
+
+    def rows(self, stored: Iterable[Measure], every: bool = False) -> Sequence[Bar]:
+        return bars(list(stored))
+
+    def show(self, console: Console, store: Store, machine: str) -> None:
+        super().show(console, store, machine)
+        print_decisions(console, bars(measures(store, machine=machine)))

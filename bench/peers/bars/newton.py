@@ -18,8 +18,6 @@ is explicit and undamped, and gets the fewest substeps that the fastest vibratio
 from __future__ import annotations
 
 import math
-from types import ModuleType
-from typing import Any
 
 import numpy as np
 
@@ -35,8 +33,7 @@ from softlab.bench.peers.bars.tip import (
     young_of,
 )
 from softlab.bench.peers.base import Opened
-from softlab.bench.peers.newton_sheet import Newton, load_newton
-from softlab.bench.peers.warp_base import Replayed
+from softlab.bench.peers.newton_sheet import FromNewton, Model, Newton
 from softlab.bench.reference.elastic_materials import cofactor
 from softlab.model.core.build import build
 from softlab.model.scene.scene import Scene
@@ -95,35 +92,24 @@ def stable_substeps(scene: Scene) -> int:
     return 2 * math.ceil(scene.method.dt * quickest(across_of(scene), young_of(scene)) / 2 / STABLE / 2)
 
 
-class _Body(Replayed):
+class _Body(Model):
     chunks = (1,)  # frames per graph, each of up to some thousand launches
 
     def __init__(self, scene: Scene, solver: str, backend: str, substeps: int | None, iterations: int | None):
         super().__init__(backend)
-        newton = load_newton()
         body = build(scene)
         self._substeps = substeps or stable_substeps(scene)
         if self._substeps % 2:
             raise ValueError("an odd number of substeps leaves the state in the other buffer")
         self._h = scene.method.dt / self._substeps
-        self._model = self._build(newton, scene, body.position, solver)
-        how: dict[str, int] = {} if iterations is None else {"iterations": iterations}
-        if solver == "SolverVBD":
-            how["particle_enable_self_contact"] = False
-        self._solver = getattr(newton.solvers, solver)(self._model, **how)
-        self._states = [self._model.state(), self._model.state()]
-        self._control = self._model.control()
-        self.load(body.position, body.velocity)
-        self._step()  # loads the kernels: no module may be loaded while a graph is captured
-        self._capture()
-        self.load(body.position, body.velocity)
+        how = {"iterations": iterations, "particle_enable_self_contact": False if solver == "SolverVBD" else None}
+        self._begin(self._build(scene, body.position, solver), solver, (body.position, body.velocity), how)
 
-    def _build(self, newton: ModuleType, scene: Scene, position: np.ndarray, solver: str) -> Any:
+    def _build(self, scene: Scene, position: np.ndarray, solver: str) -> FromNewton:
         mesh, (mu, lam) = scene.tetrahedra_set, lame_of(scene)
         if solver == "SolverSemiImplicit":
             mu, lam = 4 / 3 * mu, lam + 5 / 6 * mu
-        down = scene.gravity.acceleration if scene.gravity is not None and scene.gravity.enabled else 0.0
-        builder = newton.ModelBuilder(up_axis=newton.Axis.Y, gravity=(0.0, -down, 0.0))
+        builder = self._builder(-scene.gravity.acceleration if scene.gravity and scene.gravity.enabled else 0.0)
         mass = mesh.masses.copy()
         mass[mesh.pinned_vertices] = 0.0
         builder.add_particles(
@@ -132,30 +118,4 @@ class _Body(Replayed):
         for corners in mesh.tetrahedra.tolist():
             builder.add_tetrahedron(*corners, mu, lam, 0.0)
         builder.color()
-        model = builder.finalize(device=self._device)
-        model.particle_grid = None  # otherwise its particles would collide
-        model.particle_max_velocity = math.inf
-        return model
-
-    def _step(self) -> None:
-        for _ in range(self._substeps):
-            old, new = self._states[self._current], self._states[1 - self._current]
-            old.clear_forces()
-            self._solver.step(old, new, self._control, None, self._h)
-            self._current = 1 - self._current
-
-    def load(self, position: np.ndarray, velocity: np.ndarray) -> None:
-        self._current = 0
-        for state in self._states:
-            state.particle_q.assign(np.ascontiguousarray(position, np.float32))
-            state.particle_qd.assign(np.ascontiguousarray(velocity, np.float32))
-        self.synchronize()
-
-    def read(self) -> tuple[np.ndarray, np.ndarray]:
-        self.synchronize()
-        state = self._states[self._current]
-        return state.particle_q.numpy().copy(), state.particle_qd.numpy().copy()
-
-    def close(self) -> None:
-        super().close()
-        self._states = []
+        return self._finalized(builder)

@@ -16,10 +16,11 @@ from softlab.bench.experiments.accuracy import judge
 from softlab.bench.experiments.accuracy import points as accuracy_points
 from softlab.bench.experiments.accuracy.experiment import run_accuracy
 from softlab.bench.experiments.accuracy.judge import distance
+from softlab.bench.experiments.accuracy.judgement import ERROR, LARGEST, MOMENTUM_OFF
 from softlab.bench.experiments.accuracy.points import FAR, pareto_front
 from softlab.bench.reference import cache
 from softlab.bench.store.database import Store
-from softlab.bench.store.results import measures
+from softlab.bench.store.results import by_configuration, measures
 from softlab.model.core.families import stability_limit
 from softlab.model.core.simulation import State
 from softlab.model.scene.scene import load_scene
@@ -123,7 +124,7 @@ def small_run(tmp_path_factory):
 def test_points_of_a_run(small_run):
     """docs/method/cases.md C over the free masses (1.6 % more than over all): lab 0.30 at any dt and first order against half
     the acceleration; RK4 2.4e-4; taylor at 0.02 s diverges, which is kept with its reason and a time."""
-    first, _, _ = small_run
+    first, _, stored = small_run
     assert (first.measured, first.stored, len(first.points)) == (6, 0, 6)
     at = {(p.integrator, p.dt): p for p in first.points}
     free = math.sqrt(1024 / 992)  # RMS over the free masses instead of all
@@ -135,14 +136,17 @@ def test_points_of_a_run(small_run):
     assert broken.diverged
     assert "diverged at step" in broken.note
     assert all(p.seconds > 0 for p in first.points)
-    assert all(p.largest >= p.error and p.resolved for p in first.points)
+    errors = [one for one in by_configuration(stored) if ERROR in one]
+    assert len(errors) == 6 and all(one[LARGEST].value >= one[ERROR].value for one in errors)
+    assert all(p.resolved for p in first.points)
     assert at["rk4", 0.01] in pareto_front(first.points)
     assert broken not in pareto_front(first.points)
     assert "6 runs, of which 1 diverged" in str(first)
     assert "fastest way to an error" in str(first)
     assert all(p.growth < 1 and not p.refused for p in first.points)  # S1 contracts
     assert all(p.copied > p.seconds for p in first.points if not p.diverged)
-    assert all(p.momentum_off is not None and p.mean_off <= p.error for p in first.points if not p.diverged)
+    assert all(p.mean_off <= p.error for p in first.points if not p.diverged)
+    assert sum(one[MOMENTUM_OFF].value is not None for one in errors if MOMENTUM_OFF in one) == 5
 
 
 def test_the_wide_grid():
