@@ -148,7 +148,7 @@ def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Resul
             else None
         )
         view = opened.enter_context(ClipView(simulation, picture_of(request))) if clip and steps > 0 else None
-        observers = [observer for observer in (recorder, exporter, foaming, view) if observer is not None]
+        observers = [observer for observer in (recorder, exporter, foaming, view) if observer and observer.every]
         try:
             seconds, diverged = _advance(simulation, steps, observers, progress and simulation.rank == 0)
         except KeyboardInterrupt:
@@ -178,10 +178,11 @@ def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Resul
 
 
 class Observer(Protocol):
-    """Receives the state every few steps of a run."""
+    """Receives the state every `every` steps of a run; 0 for never."""
 
-    def steps_to_next(self, done: int) -> int: ...
-    def observe(self, simulation: Simulation, done: int) -> None: ...
+    every: int
+
+    def observe(self, simulation: Simulation) -> None: ...
 
 
 class _Recorder:
@@ -191,19 +192,15 @@ class _Recorder:
         self.every = every
         self.states = [start] if every else []
 
-    def steps_to_next(self, done: int) -> int:
-        return self.every - done % self.every if self.every else 2**62
-
-    def observe(self, simulation: Simulation, done: int) -> None:
-        if self.every and done % self.every == 0:
-            self.states.append(simulation.state())
+    def observe(self, simulation: Simulation) -> None:
+        self.states.append(simulation.state())
 
 
 def _advance(
     simulation: Simulation, steps: int, observers: Sequence[Observer], progress: bool
 ) -> tuple[float, Diverged | None]:
     """Advance the simulation. Returns (seconds of stepping alone, the divergence that ended it or None). `observers`
-    receive the states during the run."""
+    receive states during the run."""
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
     from softlab.app.output.bar import Bar
@@ -214,15 +211,16 @@ def _advance(
     shown = None
     try:
         while done < steps:
-            now = min(batch, steps - done, *(observer.steps_to_next(done) for observer in observers))
+            now = min(batch, steps - done, *(each.every - done % each.every for each in observers))
             begin = time.perf_counter()
             simulation.advance(now)
             simulation.synchronize()
             took = simulation.slowest(time.perf_counter() - begin)
             seconds += took
             done += now
-            for observer in observers:
-                observer.observe(simulation, done)
+            for each in observers:
+                if done % each.every == 0:
+                    each.observe(simulation)
             if took > 0:
                 batch = max(1, min(round(now * PROGRESS_SECONDS / took), 2**31))
             if progress and took > 0:
