@@ -126,12 +126,10 @@ def test_what_cannot_be_is_a_message(demo: Demo) -> None:
 
 
 def test_keys_of_tetrahedra_are_told() -> None:
-    text = keys_text(1200, "tetrahedra", True)
-    assert all(meaning in text for _, meaning in keys_of("tetrahedra", True)) and "( )" not in keys_text(
-        1200, space=True
-    )
-    assert all(len(meaning) < 33 and len(key) < 8 for key, meaning in keys_of("tetrahedra", True))
-    assert {key for key, _ in keys_of("sheet", True)} < {key for key, _ in keys_of("tetrahedra", True)}
+    text, keys = keys_text(1200, "tetrahedra", True), keys_of("tetrahedra", True)
+    assert all(meaning in text for _, meaning in keys) and "( )" not in keys_text(1200, space=True)
+    assert all(len(meaning) < 33 and len(key) < 8 for key, meaning in keys)
+    assert {key for key, _ in keys_of("sheet", True)} < {key for key, _ in keys}
 
 
 # ---------------------------------------------------------------------- pictures

@@ -86,13 +86,10 @@ def test_the_statistics_have_three_dimensions(demo: Demo) -> None:
 
 
 def test_the_keys_of_space_are_told() -> None:
-    wide, narrow = keys_text(1200, space=True), keys_text(400, space=True)
-    assert (
-        len(narrow.splitlines()) == len(keys_of("sheet", True)) + 1
-        and len(wide.splitlines()) == -(-len(keys_of("sheet", True)) // 2) + 1
-    )
+    wide, narrow, keys = keys_text(1200, space=True), keys_text(400, space=True), keys_of("sheet", True)
+    assert len(narrow.splitlines()) == len(keys) + 1 and len(wide.splitlines()) == -(-len(keys) // 2) + 1
     assert "surface" in wide and "surface" not in keys_text(1200)
-    assert all(len(meaning) < 30 and len(key) < 8 for key, meaning in keys_of("sheet", True))
+    assert all(len(meaning) < 30 and len(key) < 8 for key, meaning in keys)
 
 
 # ---------------------------------------------------------------------- the window itself
