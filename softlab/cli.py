@@ -97,11 +97,10 @@ def run(options: RunOptions) -> None:
     from softlab.app.command.run import run_scene
     from softlab.bench.experiments.accuracy.judge import judge_run
 
-    request = options.request()
     if options.camera is not None and options.render is None:
         raise SceneError("--camera", options.camera, "applies to a picture or a clip; add --render FILE.png")
     wanted = parse_camera(scene_of(options.scene, options.settings), options.camera)
-    request, processes = among_ranks(wanted, request)
+    request, processes = among_ranks(wanted, options)
     if processes:
         raise typer.Exit(start_ranks(processes, sys.argv[1:]))
     with compilations_shown():

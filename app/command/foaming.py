@@ -29,13 +29,8 @@ class Foaming:
     def __init__(self, simulation: Simulation):
         self.points = FoamPoints(simulation.scene, simulation.scene.foam or Foam())
         self.every = frame_steps(simulation)
-        self.observe(simulation, 0)
+        self.observe(simulation)
 
-    def steps_to_next(self, done: int) -> int:
-        """Return the number of steps until the next frame."""
-        return self.every - done % self.every
-
-    def observe(self, simulation: Simulation, done: int) -> None:
-        """Update the points from the current state, if a frame ends with it."""
-        if done % self.every == 0:
-            self.points.follow(simulation.read("position"), simulation.read("velocity"), simulation.time)
+    def observe(self, simulation: Simulation) -> None:
+        """Update the points from the current state, with which a frame ends."""
+        self.points.follow(simulation.read("position"), simulation.read("velocity"), simulation.time)

@@ -70,16 +70,11 @@ class ClipView:
             view_options=picture.view_options,
         )
         self._renderer.show_bodies(simulation.body.inverse_mass)
-        self.observe(simulation, 0)
+        self.observe(simulation)
 
-    def steps_to_next(self, done: int) -> int:
-        """Return the number of steps from step `done` to the next frame."""
-        return self.every - done % self.every
-
-    def observe(self, simulation: Simulation, done: int) -> None:
-        """Enlarge the view to contain the current state, if it is a frame."""
-        if done % self.every == 0:
-            self._renderer.fit(simulation.read("position"), simulation.time)
+    def observe(self, simulation: Simulation) -> None:
+        """Enlarge the view to contain the current state, which is a frame."""
+        self._renderer.fit(simulation.read("position"), simulation.time)
 
     @property
     def fitted(self) -> Fitted:

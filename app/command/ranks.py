@@ -10,8 +10,8 @@ from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from softlab.app.command.run import Request
 from softlab.app.command.run_length import step_count
+from softlab.app.command.run_options import Request
 from softlab.app.shared import check_asked, check_cut, check_shareable, check_shared
 from softlab.model.base.errors import BackendUnavailable, SceneError
 from softlab.model.domains.launched import STATUS_FILE, launched_rank, launched_ranks

@@ -13,7 +13,8 @@ import psutil
 
 from softlab.app.command.foaming import Foaming, shows_foam
 from softlab.app.command.pictures import USUAL_RATE, ClipView, check_rate, parse_size
-from softlab.app.command.run_length import step_count
+from softlab.app.command.run_length import parse_record, step_count
+from softlab.app.command.run_options import Request
 from softlab.app.command.run_parts import body_lines, collider_lines, fluid_notes, newton_notes
 from softlab.app.command.run_report import run_report
 from softlab.app.driver import open_simulation
@@ -44,45 +45,16 @@ WARM_UP_STEPS = 512  # on a real GPU: enough to capture every graph that a long 
 PROGRESS_SECONDS = 0.2  # interval of the progress bar
 
 
-@dataclass(frozen=True)
-class Request:
-    """The options of `softlab run`. `record_every` 0: no trajectory. Exactly one of `steps` and `time` [s]. `export`: a
-    file's name, with {frame} in it for a file every `export_every` [s]."""
+def draws_clip(request: Request) -> bool:
+    """Return True if `--render` names a clip rather than a picture."""
+    return request.render is not None and request.render.suffix.lower() == CLIP
 
-    backend: str = "cpu"
-    threads: str = "1x"
-    precision: str = "float32"
-    math: str = "fast"
-    kernel: str | None = None
-    steps: int | None = None
-    time: float | None = None
-    initial: Path | None = None
-    out: Path | None = None
-    record_every: int = 0
-    record: Path | None = None
-    render: Path | None = None
-    allow_unstable: bool = False
-    export: str | None = None
-    export_every: float | None = None
-    gpus: int = 1
-    ranks: int = 1
-    exchange_every: int | None = None
-    link: str | None = None
-    view_options: tuple[str, ...] = ()
-    allow_incomplete: bool = False
-    size: str | None = None
-    fps: float | None = None
-    hud: bool = True
 
-    @property
-    def draws_clip(self) -> bool:
-        """True if `--render` names a clip rather than a picture."""
-        return self.render is not None and self.render.suffix.lower() == CLIP
-
-    def picture(self) -> Picture:
-        """Return the picture that `--render` draws. Raises SceneError."""
-        size = parse_size(self.size) if self.size is not None else (Picture.width, Picture.height)
-        return Picture(*size, fps=self.fps or USUAL_RATE, view_options=self.view_options, legend=self.hud)
+def picture_of(request: Request) -> Picture:
+    """Return the picture that `--render` draws. Raises SceneError."""
+    size = parse_size(request.size) if request.size is not None else (Picture.width, Picture.height)
+    view_options = tuple(request.view_options or ())
+    return Picture(*size, fps=request.fps or USUAL_RATE, view_options=view_options, legend=request.hud)
 
 
 @dataclass
@@ -111,12 +83,13 @@ def check_targets(scene: Scene, request: Request, steps: int, notes: list[str]) 
         check_state_target(request.out)
     if request.render:
         check_render(request.render)
-    check_view_options(scene, request.view_options)
-    asked: dict[str, object] = {f"--look {request.view_options[0]}": True} if request.view_options else {}
+    view_options = request.view_options or ()
+    check_view_options(scene, view_options)
+    asked: dict[str, object] = {f"--look {view_options[0]}": True} if view_options else {}
     asked |= {f"--size {request.size}": request.size, f"--fps {request.fps}": request.fps, "--no-hud": not request.hud}
     if not request.render and (unused := [option for option, value in asked.items() if value]):
         raise InputError(f"{unused[0]}: applies to a picture or a clip; add --render FILE.png or FILE.mp4")
-    request.picture()
+    picture_of(request)
     if request.fps is not None:
         check_rate(request.fps, request.render)
     check_asked(request.backend, request.gpus, request.ranks, request.exchange_every, request.link)
@@ -124,11 +97,12 @@ def check_targets(scene: Scene, request: Request, steps: int, notes: list[str]) 
         check_cut(scene, request.gpus, request.exchange_every, request.link, "--gpus")
     check_shared(max(request.ranks, launched_ranks()), request.render, request.export)
     if request.record:
-        check_state_target(request.record)
-        frames = steps // request.record_every + 1
+        every, path = parse_record(request.record[:1]), request.record[1]
+        check_state_target(path)
+        frames = steps // every + 1
         item = 8 if request.precision == "float64" else 4
         needed = 2 * frames * scene.grid.particle_count * 2 * scene.dimensions * item
-        require(needed, available_bytes(), "--record", f"every={request.record_every}", "main memory")
+        require(needed, available_bytes(), "--record", f"every={every}", "main memory")
     if request.export:
         return check_export(request.export, request.export_every, scene.method.dt, notes)
     if request.export_every is not None:
@@ -165,14 +139,16 @@ def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Resul
             with work("warming up"):
                 simulation.warm_up(min(steps, WARM_UP_STEPS) if simulation.kernel in ("graph", "tiles") else 1)
         compile_seconds = time.perf_counter() - begin
-        clip = request.draws_clip
-        recorder = _Recorder(start, request.record_every if request.record else 0)
+        clip = draws_clip(request)
+        recorder = _Recorder(start, parse_record(request.record[:1]) if request.record else 0)
         exporter = Exporter(simulation, target) if target else None
         foaming = (
-            Foaming(simulation) if request.render and not clip and shows_foam(scene, request.view_options) else None
+            Foaming(simulation)
+            if request.render and not clip and shows_foam(scene, request.view_options or ())
+            else None
         )
-        view = opened.enter_context(ClipView(simulation, request.picture())) if clip and steps > 0 else None
-        observers = [observer for observer in (recorder, exporter, foaming, view) if observer is not None]
+        view = opened.enter_context(ClipView(simulation, picture_of(request))) if clip and steps > 0 else None
+        observers = [observer for observer in (recorder, exporter, foaming, view) if observer and observer.every]
         try:
             seconds, diverged = _advance(simulation, steps, observers, progress and simulation.rank == 0)
         except KeyboardInterrupt:
@@ -202,10 +178,11 @@ def run_scene(scene: Scene, request: Request, *, progress: bool = True) -> Resul
 
 
 class Observer(Protocol):
-    """Receives the state every few steps of a run."""
+    """Receives the state every `every` steps of a run; 0 for never."""
 
-    def steps_to_next(self, done: int) -> int: ...
-    def observe(self, simulation: Simulation, done: int) -> None: ...
+    every: int
+
+    def observe(self, simulation: Simulation) -> None: ...
 
 
 class _Recorder:
@@ -215,19 +192,15 @@ class _Recorder:
         self.every = every
         self.states = [start] if every else []
 
-    def steps_to_next(self, done: int) -> int:
-        return self.every - done % self.every if self.every else 2**62
-
-    def observe(self, simulation: Simulation, done: int) -> None:
-        if self.every and done % self.every == 0:
-            self.states.append(simulation.state())
+    def observe(self, simulation: Simulation) -> None:
+        self.states.append(simulation.state())
 
 
 def _advance(
     simulation: Simulation, steps: int, observers: Sequence[Observer], progress: bool
 ) -> tuple[float, Diverged | None]:
     """Advance the simulation. Returns (seconds of stepping alone, the divergence that ended it or None). `observers`
-    receive the states during the run."""
+    receive states during the run."""
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeRemainingColumn
 
     from softlab.app.output.bar import Bar
@@ -238,15 +211,16 @@ def _advance(
     shown = None
     try:
         while done < steps:
-            now = min(batch, steps - done, *(observer.steps_to_next(done) for observer in observers))
+            now = min(batch, steps - done, *(each.every - done % each.every for each in observers))
             begin = time.perf_counter()
             simulation.advance(now)
             simulation.synchronize()
             took = simulation.slowest(time.perf_counter() - begin)
             seconds += took
             done += now
-            for observer in observers:
-                observer.observe(simulation, done)
+            for each in observers:
+                if done % each.every == 0:
+                    each.observe(simulation)
             if took > 0:
                 batch = max(1, min(round(now * PROGRESS_SECONDS / took), 2**31))
             if progress and took > 0:
@@ -272,9 +246,9 @@ def _write_results(
     if request.out:
         result.written.append(write_state(request.out, result.state))
     if request.record:
-        result.written.append(write_trajectory(request.record, simulation.scene, recorder.states))
-    picture = request.picture()
-    if request.render and not request.draws_clip:
+        result.written.append(write_trajectory(request.record[1], simulation.scene, recorder.states))
+    picture = picture_of(request)
+    if request.render and not draws_clip(request):
         state = result.state
         result.written.append(
             render(

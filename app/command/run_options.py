@@ -4,21 +4,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from softlab.app.command.command_line import Backend, Math, Precision, SceneName, Settings, Threads
 
-if TYPE_CHECKING:
-    from softlab.app.command.run import Request
-
 
 @dataclass(frozen=True)
-class RunOptions:
-    """The options of `softlab run`, as they are typed."""
+class Request:
+    """The options of `softlab run`: exactly one of `steps` and `time` [s]; `export`: a file's name, with {frame} in it for
+    a file every `export_every` [s]. `settings`, `camera`, `judge` and `as_json` are the command's alone."""
 
-    scene: SceneName
     backend: Backend = "cpu"
     threads: Threads = "1x"
     precision: Precision = "float32"
@@ -35,12 +32,12 @@ class RunOptions:
     ] = None
     settings: Settings = None
     initial: Annotated[Path | None, typer.Option(help="Start from a state file (.npz).")] = None
-    out_file: Annotated[Path | None, typer.Option("--out", help="Write the final state (.npz).")] = None
+    out: Annotated[Path | None, typer.Option("--out", help="Write the final state (.npz).")] = None
     record: Annotated[
         tuple[str, Path] | None, typer.Option(metavar="every=N FILE.npz", help="Write a state every N steps.")
     ] = None
     render: Annotated[Path | None, typer.Option(help="Draw the final state (.png) or the whole run (.mp4).")] = None
-    export_to: Annotated[
+    export: Annotated[
         str | None,
         typer.Option(
             "--export",
@@ -98,15 +95,9 @@ class RunOptions:
     ] = True
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False
 
-    def request(self) -> Request:
-        """Return what is to be done. Raises SceneError."""
-        from softlab.app.command.run import Request
-        from softlab.app.command.run_length import parse_record
 
-        every, record = (parse_record(self.record[:1]), self.record[1]) if self.record else (0, None)
-        return Request(
-            self.backend, self.threads, self.precision, self.math, self.kernel, self.steps, self.time, self.initial,
-            self.out_file, every, record, self.render, self.allow_unstable, self.export_to, self.export_every, self.gpus,
-            self.ranks, self.exchange_every, self.link, tuple(self.view_options or ()), self.allow_incomplete, self.size,
-            self.fps, self.hud,
-        )  # fmt: skip
+@dataclass(frozen=True, kw_only=True)
+class RunOptions(Request):
+    """The command line of `softlab run`."""
+
+    scene: SceneName

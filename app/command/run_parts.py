@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from softlab.model.base.errors import naming
 from softlab.model.core.simulation import Simulation, State
 from softlab.model.scene.scene import Scene
-from softlab.model.tables.colliders.surface_collider import SurfaceCollider, naming
+from softlab.model.tables.colliders.surface_collider import SurfaceCollider
 
 SLOWED = 1e-4  # of all moves of particles in substeps: no mean of a fluid shows fewer
 

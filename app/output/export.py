@@ -83,22 +83,14 @@ class Exporter:
         self.written: list[Path] = []
         self._worlds = simulation.members or {"": simulation}
         self._frames = {name: ClusterFrames(one.scene) for name, one in self._worlds.items() if one.scene.copies}
-        self.observe(simulation, 0)
-
-    def steps_to_next(self, done: int) -> int:
-        """Return the steps until the next frame, `done` steps after the start."""
-        return self.every - done % self.every if self.every else 2**62
-
-    def observe(self, simulation: Simulation, done: int) -> None:
-        """Write the frame that is due after `done` steps, if any. Raises InputError, Diverged."""
-        if self.every and done % self.every == 0:
-            self._write(simulation)
+        if self.every:
+            self.observe(simulation)
 
     def finish(self, simulation: Simulation, notes: list[str]) -> list[Path]:
         """Write the final state, if requested, and return the files to list. A note replaces the list if there are
         many."""
         if not self.every:
-            self._write(simulation)
+            self.observe(simulation)
             return self.written
         seconds = self.every * simulation.scene.method.dt
         first, last = self.written[0], self.written[-1]
@@ -118,7 +110,8 @@ class Exporter:
         )
         return f"stopped; {files}"
 
-    def _write(self, simulation: Simulation) -> None:
+    def observe(self, simulation: Simulation) -> None:
+        """Write the current state as the next file. Raises InputError, Diverged."""
         simulation.check()
         scene, position = simulation.scene, simulation.read("position").astype(np.float64)
         path = self.target.of(len(self.written))

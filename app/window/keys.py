@@ -5,112 +5,78 @@ from __future__ import annotations
 
 from itertools import zip_longest
 
-KEYS = (
-    ("G", "gravity on, off"),
-    ("[ ]", "time step / 1.25, x 1.25"),
-    ("{ }", "stiffness / 1.25, x 1.25"),
-    ("- +", "fewer, more steps per frame"),
-    ("space", "pause, continue"),
-    ("R", "restart, original settings"),
-    ("B", "switch CPU, GPU; state kept"),
-    ("T", "1, 2, 4 threads per core"),
-    ("mouse", "drag a mass: pull it"),
-    ("arrows", "select a mass"),
-    ("Enter", "push it (down, or last arrow)"),
-    ("wheel", "zoom at the pointer"),
-    ("right", "drag: move the view"),
-    ("F", "fit everything in view"),
-    ("M", "graph of frame times"),
-    ("N", "numbers at the top on, off"),
-    ("A", "panel with all settings"),
-    (".", "pause, do one step"),
-    ("S", "save a picture (PNG)"),
-    ("Escape", "close"),
+SPACE = "space bodies tetrahedra fluid world"
+MASSES = "plane space tetrahedra world"
+KEYS = (  # key, its effect, and the subjects that have it: `BY_SUBJECT`; none: all
+    ("G", "gravity on, off", ""),
+    ("[ ]", "time step / 1.25, x 1.25", ""),
+    ("{ }", "stiffness / 1.25, x 1.25", "plane space"),
+    ("{ }", "Young's modulus / 1.25, x 1.25", "tetrahedra"),
+    ("( )", "Poisson's ratio down, up", "tetrahedra"),
+    ("< >", "damping / 2, x 2", "tetrahedra"),
+    ("- +", "fewer, more steps per frame", ""),
+    ("space", "pause, continue", ""),
+    ("R", "restart, original settings", ""),
+    ("B", "switch CPU, GPU; state kept", ""),
+    ("T", "1, 2, 4 threads per core", ""),
+    ("P K C I", "particles, skin, clusters, links", "bodies"),
+    ("L", "surface, springs", "space"),
+    ("L", "particles or skin", "bodies"),
+    ("L", "edges of tetrahedra, or surface", "tetrahedra"),
+    ("L", "surface, particles", "fluid"),
+    ("L", "skins, or particles and edges", "world"),
+    ("K", "skin, or the mesh's surface", "tetrahedra"),
+    ("O", "colour by body, group, cluster", "bodies"),
+    ("O", "colour by body, stress, strain", "tetrahedra"),
+    ("O", "colour by fluid, speed, density", "fluid"),
+    ("W", "spray, foam, bubbles on, off", "fluid world"),
+    ("V", "picture fine, plain, quick", SPACE),
+    ("D X", "drop a body, remove one", "bodies"),
+    ("mouse", "drag a mass: pull it", MASSES),
+    ("mouse", "drag a body: pull it", "bodies"),
+    ("mouse", "drag a particle: pull it", "fluid"),
+    ("arrows", "select a mass", MASSES),
+    ("arrows", "select a particle", "bodies fluid"),
+    ("Enter", "push it (down, or last arrow)", f"{MASSES} fluid"),
+    ("Enter", "push its body (down, or arrow)", "bodies"),
+    ("left", "drag beside: rotate (middle)", SPACE),
+    ("wheel", "zoom at the pointer", ""),
+    ("right", "drag: move the view", ""),
+    ("F", "fit everything in view", ""),
+    ("M", "graph of frame times", ""),
+    ("N", "numbers at the top on, off", ""),
+    ("A", "panel with all settings", ""),
+    (".", "pause, do one step", ""),
+    ("S", "save a picture (PNG)", ""),
+    ("Escape", "close", ""),
 )
-FOAM_KEY = ("W", "spray, foam, bubbles on, off")
-DETAIL_KEY = ("V", "picture fine, plain, quick")
-SPACE_KEYS = (
-    *KEYS[:8],
-    ("L", "surface, springs"),
-    DETAIL_KEY,
-    *KEYS[8:11],
-    ("left", "drag beside: rotate (middle)"),
-    *KEYS[11:],
-)
-BODY_KEYS = (  # without springs there is no stiffness to change
-    *KEYS[:2],
-    *KEYS[3:8],
-    ("P K C I", "particles, skin, clusters, links"),
-    ("L", "particles or skin"),
-    ("O", "colour by body, group, cluster"),
-    DETAIL_KEY,
-    ("D X", "drop a body, remove one"),
-    ("mouse", "drag a body: pull it"),
-    ("arrows", "select a particle"),
-    ("Enter", "push its body (down, or arrow)"),
-    *SPACE_KEYS[13:],
-)
-TETRAHEDRA_KEYS = (
-    *SPACE_KEYS[:2],
-    ("{ }", "Young's modulus / 1.25, x 1.25"),
-    ("( )", "Poisson's ratio down, up"),
-    ("< >", "damping / 2, x 2"),
-    *SPACE_KEYS[3:8],
-    ("L", "edges of tetrahedra, or surface"),
-    ("K", "skin, or the mesh's surface"),
-    ("O", "colour by body, stress, strain"),
-    *SPACE_KEYS[9:],
-)
-WORLD_KEYS = (
-    *SPACE_KEYS[:2],
-    *SPACE_KEYS[3:8],
-    ("L", "skins, or particles and edges"),
-    FOAM_KEY,
-    *SPACE_KEYS[9:],
-)
-FLUID_KEYS = (
-    *KEYS[:2],
-    *KEYS[3:8],
-    ("L", "surface, particles"),
-    ("O", "colour by fluid, speed, density"),
-    FOAM_KEY,
-    DETAIL_KEY,
-    ("mouse", "drag a particle: pull it"),
-    ("arrows", "select a particle"),
-    ("Enter", "push it (down, or last arrow)"),
-    *SPACE_KEYS[13:],
-)
+IN_SPACE = ("V", "left")  # of no use in a plane, where fluids may be
 WORLDS_KEY = ("Tab", "change one scene only, or all")
 TWO_COLUMNS_FROM = 780  # pixels of window width
 _END = "F: fit in view    space: pause    R: restart    Escape: close"
-HINT = f"H: keys    A: panel    G: gravity    drag a mass: pull it    [ ]: time step    {_END}"
-SPACE_HINT = f"H: keys    A: panel    L: surface, springs    drag a mass: pull it    drag beside it: rotate    {_END}"
-BODY_HINT = (
-    f"H: keys    A: panel    P: particles    K: skin    drag a body: pull it    drag beside it: rotate    {_END}"
-)
-TETRAHEDRA_HINT = (
-    f"H: keys    A: panel    O: stress, strain    K: skin, mesh    drag beside the bodies: rotate    {_END}"
-)
-FLUID_HINT = f"H: keys    A: panel    L: surface, particles    O: colours    drag beside the fluid: rotate    {_END}"
-WORLD_HINT = f"H: keys    A: panel    L: skins, particles and edges    drag beside the bodies: rotate    {_END}"
-BY_SUBJECT = {  # of what a view shows (View.subject), or of sheets in space and in a plane: keys, and those needed first
-    "bodies": (BODY_KEYS, BODY_HINT),
-    "tetrahedra": (TETRAHEDRA_KEYS, TETRAHEDRA_HINT),
-    "fluid": (FLUID_KEYS, FLUID_HINT),
-    "world": (WORLD_KEYS, WORLD_HINT),
-    "space": (SPACE_KEYS, SPACE_HINT),
-    "plane": (KEYS, HINT),
+HINTS = {  # the keys needed first, by what a view shows (View.subject), or of sheets in space and in a plane
+    "bodies": f"H: keys    A: panel    P: particles    K: skin    drag a body: pull it    drag beside it: rotate    {_END}",
+    "tetrahedra": f"H: keys    A: panel    O: stress, strain    K: skin, mesh    drag beside the bodies: rotate    {_END}",
+    "fluid": f"H: keys    A: panel    L: surface, particles    O: colours    drag beside the fluid: rotate    {_END}",
+    "world": f"H: keys    A: panel    L: skins, particles and edges    drag beside the bodies: rotate    {_END}",
+    "space": f"H: keys    A: panel    L: surface, springs    drag a mass: pull it    drag beside it: rotate    {_END}",
+    "plane": f"H: keys    A: panel    G: gravity    drag a mass: pull it    [ ]: time step    {_END}",
 }
-IN_SPACE = (DETAIL_KEY, ("left", "drag beside: rotate (middle)"))  # keys that a plane has no use for
 
 
-def _keys_and_hint(subject: str, space: bool) -> tuple[tuple[tuple[str, str], ...], str]:
-    return BY_SUBJECT.get(subject) or BY_SUBJECT["space" if space else "plane"]
+def keys_of(subject: str, space: bool) -> list[tuple[str, str]]:
+    """Return (key, its effect) of a window that shows the `subject`, in a plane or in space."""
+    listed = [(key, effect) for key, effect, of in KEYS if not of or _named(subject, space) in of.split()]
+    return [row for row in listed if space or row[0] not in IN_SPACE]
+
+
+def _named(subject: str, space: bool) -> str:
+    return subject if subject in HINTS else "space" if space else "plane"
 
 
 def hint(subject: str = "sheet", space: bool = False, several: bool = False) -> str:
     """Return the keys that a user needs first. Parameters as of `keys_text`."""
-    _, text = _keys_and_hint(subject, space)
+    text = HINTS[_named(subject, space)]
     if several:  # the last keys give way to it: the legend is beside them
         return text.replace("H: keys", "H: keys    Tab: change one scene only").replace(
             "    R: restart    Escape: close", ""
@@ -121,8 +87,7 @@ def hint(subject: str = "sheet", space: bool = False, several: bool = False) -> 
 def keys_text(width: int, subject: str = "sheet", space: bool = False, several: bool = False) -> str:
     """Return the keys and their effects, in lines that fit a window of `width` pixels. `subject`: the thing that is
     shown (View.subject); `space`: in three dimensions; `several`: worlds side by side."""
-    listed = tuple(key for key in _keys_and_hint(subject, space)[0] if space or key not in IN_SPACE)
-    keys = (*((WORLDS_KEY,) if several else ()), *listed)
+    keys = (*((WORLDS_KEY,) if several else ()), *keys_of(subject, space))
     lines = [f"{key:8}{meaning:35}" for key, meaning in keys]
     if width >= TWO_COLUMNS_FROM:
         half = (len(lines) + 1) // 2

@@ -3,7 +3,8 @@ mesh."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from typing import Generic, TypeVar
 
 import numpy as np
 
@@ -11,61 +12,54 @@ from softlab.cpu_backend.core.simulation import QuadsSimulation, RowsSimulation
 from softlab.model.core.sharing.decomposition import Decomposition
 from softlab.model.core.sharing.partitions import Partitions
 
+Places = TypeVar("Places")
 
-class Halo:
-    """Halo of the window of `rank`: messages `sent` and `received`, by target and source rank."""
 
-    rank: int
-    sent: Mapping[int, np.ndarray]
-    received: Mapping[int, np.ndarray]
+class Halo(Generic[Places]):
+    """Halo of the window of `rank`: messages `sent` and `received`, by target and source rank, of what lies at the
+    places `outgoing` and `incoming`. `read(places)` returns the current state there, `write(places, message)` replaces
+    it."""
+
+    def __init__(
+        self, rank: int, read: Callable[[Places], np.ndarray], write: Callable[[Places, np.ndarray], None],
+        outgoing: Mapping[int, Places], incoming: Mapping[int, Places],
+    ):  # fmt: skip
+        self.rank, self._read, self._write, self._outgoing, self._incoming = rank, read, write, outgoing, incoming
+        self.sent, self.received = (
+            {other: np.array(read(places), order="C") for other, places in some.items()}
+            for some in (outgoing, incoming)
+        )
 
     def pack(self, target: int) -> np.ndarray:
         """Return the message to rank `target`, with the current state."""
-        raise NotImplementedError
+        message = self.sent[target]
+        message[...] = self._read(self._outgoing[target])
+        return message
 
     def take(self, source: int) -> None:
         """Write the data received from rank `source` into the state."""
-        raise NotImplementedError
+        self._write(self._incoming[source], self.received[source])
 
 
-class RowsHalo(Halo):
-    """Halo of a sheet: rows."""
-
-    def __init__(self, window: RowsSimulation, decomposition: Decomposition, rank: int):
-        self.window, self.rank = window, rank
-        planes, columns = 2 * window.scene.dimensions, decomposition.columns
-        self._out = {border.target: border for border in decomposition.borders if border.source == rank}
-        self._in = {border.source: border for border in decomposition.borders if border.target == rank}
-        self.sent, self.received = (
-            {other: np.zeros((planes, border.rows, columns), window.real) for other, border in some.items()}
-            for some in (self._out, self._in)
-        )
-
-    def pack(self, target: int) -> np.ndarray:
-        border, message = self._out[target], self.sent[target]
-        message[...] = self.window.rows(border.from_row, border.rows)
-        return message
-
-    def take(self, source: int) -> None:
-        self.window.take_rows(self._in[source].to_row, self.received[source])
+def rows_halo(window: RowsSimulation, decomposition: Decomposition, rank: int) -> Halo:
+    """Return the halo of a sheet: rows."""
+    borders = decomposition.borders
+    return Halo(
+        rank,
+        lambda rows: window.rows(*rows),
+        lambda rows, message: window.take_rows(rows[0], message),
+        {border.target: (border.from_row, border.rows) for border in borders if border.source == rank},
+        {border.source: (border.to_row, border.rows) for border in borders if border.target == rank},
+    )
 
 
-class ParticlesHalo(Halo):
-    """Halo of a mesh: particles."""
-
-    def __init__(self, window: QuadsSimulation, partitions: Partitions, rank: int):
-        self.window, self.rank = window, rank
-        self._out = {one.target: one.from_places for one in partitions.messages if one.source == rank}
-        self._in = {one.source: one.to_places for one in partitions.messages if one.target == rank}
-        self.sent, self.received = (
-            {other: np.zeros((2, len(places), 3), window.real) for other, places in some.items()}
-            for some in (self._out, self._in)
-        )
-
-    def pack(self, target: int) -> np.ndarray:
-        message = self.sent[target]
-        message[...] = self.window.some_particles(self._out[target])
-        return message
-
-    def take(self, source: int) -> None:
-        self.window.take_particles(self._in[source], self.received[source])
+def particles_halo(window: QuadsSimulation, partitions: Partitions, rank: int) -> Halo:
+    """Return the halo of a mesh: particles."""
+    messages = partitions.messages
+    return Halo(
+        rank,
+        window.some_particles,
+        window.take_particles,
+        {one.target: one.from_places for one in messages if one.source == rank},
+        {one.source: one.to_places for one in messages if one.target == rank},
+    )

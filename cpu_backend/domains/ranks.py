@@ -4,13 +4,14 @@ each."""
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
+from softlab.cpu_backend.core.simulation import QuadsSimulation, RowsSimulation
 from softlab.cpu_backend.core.threads import core_count
 from softlab.cpu_backend.domains.fluid import FluidWindow
-from softlab.cpu_backend.domains.halos import Halo, ParticlesHalo, RowsHalo
+from softlab.cpu_backend.domains.halos import Halo, particles_halo, rows_halo
 from softlab.model.base.components import named
 from softlab.model.core.families import family_of
 from softlab.model.core.options import Options
@@ -96,8 +97,8 @@ class RankSimulation(OnRanks, DecomposedSimulation):
     divided = staticmethod(cut)
 
     def _connect(self) -> Exchange:
-        window: Any = self.windows[0]
-        return self._ranks.exchange(RowsHalo(window, self.decomposition, self._ranks.rank))
+        window = cast(RowsSimulation, self.windows[0])
+        return self._ranks.exchange(rows_halo(window, self.decomposition, self._ranks.rank))
 
 
 class RankBodies(OnRanks, SharedBodies):
@@ -112,8 +113,8 @@ class RankPartitions(OnRanks, PartitionedBodies):
     divided = staticmethod(partitions)
 
     def _connect(self) -> Exchange:
-        window: Any = self.windows[0]
-        return self._ranks.exchange(ParticlesHalo(window, self.partitions, self._ranks.rank))
+        window = cast(QuadsSimulation, self.windows[0])
+        return self._ranks.exchange(particles_halo(window, self.partitions, self._ranks.rank))
 
 
 class RankFluid(OnRanks, SharedFluid):

@@ -12,11 +12,11 @@ from softlab.cpu_backend.fluid.among_solids import FluidAmongSolids
 from softlab.cpu_backend.world.joined import Joined
 from softlab.model.base.components import named
 from softlab.model.core.families import family_of, scene_plan
-from softlab.model.core.plan import Executor, StageRun
+from softlab.model.core.plan import Executor
 from softlab.model.core.simulation import Options, Simulation
 from softlab.model.scene.scene import Scene
 from softlab.model.world.meeting import MEMBERS_MEETING, cross_surface
-from softlab.model.world.plan import BEGIN, FIND, GIVE, PROJECT, TAKE, coupled
+from softlab.model.world.plan import coupled
 from softlab.model.world.simulation import STAGES, WorldSimulation
 from softlab.model.world.solids import solids_of
 
@@ -25,7 +25,6 @@ class World(WorldSimulation):
     """A world on CPU threads (model/world/simulation.py). `threads`: `1x`, `2x`, `4x` or a number."""
 
     backend = "cpu"
-    contacts: SurfaceContacts | None = None
 
     def __init__(self, scene: Scene, options: Options, threads: str | int = "1x"):
         super().__init__(scene, options)
@@ -33,6 +32,8 @@ class World(WorldSimulation):
         self.plan, self.kernel = scene_plan(scene, options.live), chosen_kernel(options.kernel, "a world", (STAGES,))
         try:
             self._open_members(STAGES)
+            if coupled(self.scene):
+                self._join()
             self._executor = Executor(self.plan, self._all_stages())
             self.reset()
         except BaseException:
@@ -52,29 +53,15 @@ class World(WorldSimulation):
         places = Joined(solids.particles, members, self.slices, weights, bands)
         return FluidAmongSolids(scene, options, self.threads, solids.samples, places)
 
-    def _cross_stages(self) -> dict[str, StageRun]:
-        if not coupled(self.scene):
-            return {}
+    def _join(self) -> None:
+        """Allocate the particles in contact."""
         members: dict[str, ParticlesSimulation] = self.members  # type: ignore[assignment]
         bands = max(member._bands for member in members.values())
         weights, meeting = self.body.inverse_mass * self.scene.grid.mass, cross_surface(self.scene)
-        joined = self.joined = Joined(meeting.particles, members, self.slices, weights, bands)
-        contacts = self.contacts = SurfaceContacts(
-            self.scene, self.real, self.options.math, bands, joined.weights, MEMBERS_MEETING
-        )
-        return {
-            BEGIN: lambda moment: joined.take(fresh=True),
-            FIND: lambda moment: contacts.find(joined.before, joined.position),
-            TAKE: lambda moment: joined.take(fresh=False),
-            PROJECT: lambda moment: contacts.project(joined.before, joined.position),
-            GIVE: lambda moment: joined.give(),
-        }
+        variant = self.real, self.options.math
+        self.joined = Joined(meeting.particles, members, self.slices, weights, bands)
+        self.contacts = SurfaceContacts(self.scene, *variant, bands, self.joined.weights, MEMBERS_MEETING)
 
     def _run(self, steps: int) -> None:
         numba.set_num_threads(self.threads)
         super()._run(steps)
-
-    def _parameters_changed(self) -> None:
-        super()._parameters_changed()
-        if self.contacts:
-            self.contacts.change(self.scene)

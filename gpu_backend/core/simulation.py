@@ -32,6 +32,7 @@ from softlab.gpu_backend.core.launch import Graphs, new_stream
 from softlab.gpu_backend.core.sheet import BLOCK, MAX_BLOCKS_DOWN
 from softlab.model.base.errors import SceneError
 from softlab.model.base.memory import require
+from softlab.model.core.family import written
 from softlab.model.core.plan import Executor
 from softlab.model.core.simulation import Options, Simulation
 from softlab.model.scene.scene import Scene
@@ -215,11 +216,7 @@ class CudaSimulation(Simulation):
             self._tools.write_position[self._flat](self.position[self._current], out)
             self.synchronize()
             return into
-        position = self._to_host(self.position[self._current])
-        if into is None:
-            return position
-        into[...] = position
-        return into
+        return written(self._to_host(self.position[self._current]), into)
 
     def _normal_arguments(self) -> Arguments:
         """Return the arguments of `write_normal` about the sheet, besides positions."""
@@ -239,10 +236,7 @@ class CudaSimulation(Simulation):
             return into
         host = out.copy_to_host(stream=self.stream)
         self.synchronize()
-        if into is None:
-            return host
-        into[...] = host
-        return into
+        return written(host, into)
 
     def synchronize(self) -> None:
         """Wait for the stream."""

@@ -18,11 +18,11 @@ from softlab.gpu_backend.world.joined import THREADS, Joined
 from softlab.model.base.components import named
 from softlab.model.base.memory import require
 from softlab.model.core.families import family_of, scene_plan
-from softlab.model.core.plan import Executor, StageRun
+from softlab.model.core.plan import Executor
 from softlab.model.core.simulation import Options, Simulation
 from softlab.model.scene.scene import Scene
 from softlab.model.world.meeting import MEMBERS_MEETING, cross_surface
-from softlab.model.world.plan import BEGIN, FIND, GIVE, PROJECT, TAKE, coupled
+from softlab.model.world.plan import coupled
 from softlab.model.world.simulation import STAGES, WorldSimulation
 from softlab.model.world.solids import solids_of
 
@@ -137,24 +137,7 @@ class World(WorldSimulation, Launched):
         cross = 2 * each + self.contacts.finding + method.iterations * (2 * each + self.contacts.projecting)
         return launches + method.substeps * cross
 
-    def _cross_stages(self) -> dict[str, StageRun]:
-        joined, contacts = self.joined, self.contacts
-        if joined is None or contacts is None:
-            return {}
-        return {
-            BEGIN: lambda moment: joined.take(True),
-            FIND: lambda moment: contacts.find(joined.before, joined.position),
-            TAKE: lambda moment: joined.take(False),
-            PROJECT: lambda moment: contacts.project(joined.before, joined.position),
-            GIVE: lambda moment: joined.give(),
-        }
-
     # ------------------------------------------------------------------ the contract
-
-    def _parameters_changed(self) -> None:
-        super()._parameters_changed()
-        if self.contacts:
-            self.contacts.change(self.scene)
 
     def _read_position(self, into: Any) -> Any:
         if into is None or not hasattr(into, "__cuda_array_interface__"):

@@ -174,3 +174,16 @@ class Incomplete(SoftlabError):
     def __init__(self, faults: str):
         self.faults = faults
         super().__init__(f"incomplete: {faults}; see the notes above, or pass --allow-incomplete to accept it")
+
+
+@contextmanager
+def naming(part: str, files: bool = False) -> Iterator[None]:
+    """Raise errors of a part's fields, and with `files` of its file, with the part's name, which it does not know."""
+    try:
+        yield
+    except SceneError as error:
+        raise SceneError(f"{part}.{error.field}", error.value, error.allowed) from None
+    except InputError as error:
+        if not files:
+            raise
+        raise InputError(f"{part}: {error}") from None

@@ -10,7 +10,7 @@ from math import hypot, pi, sqrt
 import numpy as np
 
 from softlab.model.base.clock import START, Clock
-from softlab.model.base.errors import SceneError
+from softlab.model.base.errors import SceneError, naming
 from softlab.model.base.types import Real
 from softlab.model.base.variant import plain_formulas
 from softlab.model.core.build import Body
@@ -23,7 +23,7 @@ from softlab.model.formulas import motion
 from softlab.model.geometry.arithmetic.ordered import norm
 from softlab.model.scene.scene import Scene
 from softlab.model.tables.cloth import COLLIDER_KINDS, SURFACE_KINDS
-from softlab.model.tables.colliders.surface_collider import SurfaceCollider, naming
+from softlab.model.tables.colliders.surface_collider import SurfaceCollider
 from softlab.model.tables.motion import motions_of_pins
 
 CLOTH_PARAMETERS = (

@@ -14,7 +14,7 @@ from softlab.model.assets.baked_body import BakedBody
 from softlab.model.assets.clusters import Clusters
 from softlab.model.assets.lattice import LatticeCopies
 from softlab.model.assets.material import joined
-from softlab.model.base.errors import InputError, SceneError
+from softlab.model.base.errors import SceneError, naming
 from softlab.model.base.memory import MAX_PARTICLES, available_bytes, require
 from softlab.model.geometry.arithmetic.ordered import applied, mean, total
 from softlab.model.geometry.lists import offsets_of
@@ -118,12 +118,8 @@ class BodySet(ParticleRow):
 def make_body_set(parts: Mapping[str, Placed]) -> BodySet:
     """Return the body set of a scene's bodies, by name. Raises SceneError where it has too many particles."""
     for name, part in parts.items():
-        try:
+        with naming(name, files=True):
             part.baked  # noqa: B018 - made here, so that its errors name the part
-        except SceneError as error:
-            raise SceneError(f"{name}.{error.field}", error.value, error.allowed) from None
-        except InputError as error:
-            raise InputError(f"{name}: {error}") from None
     particles = sum(len(part.baked.position) * (part.count + part.spare) for part in parts.values())
     if particles > MAX_PARTICLES:
         raise SceneError("copies", particles, f"at most {MAX_PARTICLES} particles (32-bit indices)")

@@ -10,7 +10,7 @@ from math import ceil, sqrt
 import numpy as np
 
 from softlab.model.assets.baked_body import BakedBody
-from softlab.model.base.errors import InputError, SceneError
+from softlab.model.base.errors import naming
 from softlab.model.geometry.arithmetic.functions import power
 from softlab.model.geometry.arithmetic.ordered import mean
 from softlab.model.scene.members import SUBSTEPS
@@ -156,17 +156,13 @@ def _thickness(scene: SceneParts) -> float:
 def _sizes(scene: SceneParts) -> Iterator[_Size]:
     """Yield the sizes of all bodies. Raises SceneError, InputError, which name the body."""
     for name, part in scene.parts.items():
-        try:
+        with naming(name, files=True):
             if isinstance(part, Placed):
                 yield _size_of_particles(name, part.count + part.spare, part.baked)
             elif isinstance(part, TetrahedralBody):
                 mesh = part.cooked.mesh
                 spacing = float(power(6 * mean(mesh.volumes), 1 / 3))
                 yield _Size(name, 1, spacing, float(np.ptp(mesh.position, axis=0).max()), 0.0)
-        except SceneError as error:
-            raise SceneError(f"{name}.{error.field}", error.value, error.allowed) from None
-        except InputError as error:
-            raise InputError(f"{name}: {error}") from None
 
 
 def _size_of_particles(name: str, copies: int, body: BakedBody) -> _Size:

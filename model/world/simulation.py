@@ -7,6 +7,7 @@ from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from softlab.model.core.plan import StageRun
 from softlab.model.core.simulation import Options, Simulation
 from softlab.model.core.state import State, checked_arrays, checked_family_arrays
 from softlab.model.scene.scene import Scene
-from softlab.model.world.plan import name_of_stage
+from softlab.model.world.plan import BEGIN, FIND, GIVE, PROJECT, TAKE, name_of_stage
 
 STAGES = "stages"
 
@@ -26,11 +27,13 @@ class WorldSimulation(Simulation):
     """A simulation of several members; see model/core/simulation.py for its methods.
 
     `members`: the simulations by name, in the order of their particles; `slices`: their particles. Members run their
-    own plans stage by stage, through `stages`, and only the world steps them. A backend opens them (`_open`), and adds
-    the stages between them (`_cross_stages`).
+    own plans stage by stage, through `stages`, and only the world steps them. A backend opens them (`_open`), and, if
+    surfaces of members meet, their particles (`joined`) and the contacts between them (`contacts`).
     """
 
     members: dict[str, Simulation]
+    joined: Any = None
+    contacts: Any = None
 
     def __init__(self, scene: Scene, options: Options):
         self.members, self.slices = {}, scene.world_set.slices()
@@ -46,10 +49,6 @@ class WorldSimulation(Simulation):
     def _open(self, scene: Scene, options: Options) -> Simulation:
         """Return a member's simulation."""
 
-    @abstractmethod
-    def _cross_stages(self) -> dict[str, StageRun]:
-        """Return the functions that run the plan's stages between members."""
-
     def _all_stages(self) -> dict[str, StageRun]:
         """Return the functions that run each stage of the plan."""
         stages = {
@@ -57,7 +56,16 @@ class WorldSimulation(Simulation):
             for name, member in self.members.items()
             for stage, run in member.stages.items()
         }
-        return stages | self._cross_stages()
+        joined, contacts = self.joined, self.contacts
+        if joined is None:
+            return stages
+        return stages | {
+            BEGIN: lambda moment: joined.take(True),
+            FIND: lambda moment: contacts.find(joined.before, joined.position),
+            TAKE: lambda moment: joined.take(False),
+            PROJECT: lambda moment: contacts.project(joined.before, joined.position),
+            GIVE: lambda moment: joined.give(),
+        }
 
     # ------------------------------------------------------------------ a step
 
@@ -86,6 +94,8 @@ class WorldSimulation(Simulation):
             place, particle = self.slices[name], self._poke_particle
             poked = particle - place.start if place.start <= particle < place.stop else -1
             member.follow(self.scene.members[name], poked, self._poke_force, self._clock)
+        if self.contacts:
+            self.contacts.change(self.scene)
 
     def _set_clock(self, clock: Clock) -> None:
         if clock != self._clock:
@@ -131,11 +141,6 @@ class WorldSimulation(Simulation):
         return [pair for member in self.members.values() for pair in member.state_fields]
 
     # ------------------------------------------------------------------ other methods of Simulation
-
-    @property
-    def contacts_lost(self) -> int:
-        """Neighbours of particles of bodies that did not fit into their lists since the start."""
-        return sum(getattr(member, "contacts_lost", 0) for member in self.members.values())
 
     def synchronize(self) -> None:
         """Wait for all members."""

@@ -19,7 +19,7 @@ from softlab.app.render import colours
 from softlab.app.render.camera3d import Camera3D
 from softlab.app.window.demo import Demo
 from softlab.app.window.demo_report import masses_text, numbers_text
-from softlab.app.window.keys import BODY_KEYS, KEYS, hint, keys_text
+from softlab.app.window.keys import hint, keys_of, keys_text
 from softlab.app.window.mouse import Mouse
 from softlab.app.window.picker import neighbour
 
@@ -94,9 +94,9 @@ def test_the_panel_counts_particles_clusters_and_bodies(demo: Demo) -> None:
 def test_the_keys_of_bodies_are_told() -> None:
     wide, narrow = keys_text(1200, "bodies", True), keys_text(400, "bodies", True)
     for text in (wide, narrow):
-        assert all(meaning in text for _, meaning in BODY_KEYS) and "P K C I" in text
-        assert all(len(meaning) < 33 and len(key) < 8 for key, meaning in BODY_KEYS)
-    assert ("{ }", "stiffness / 1.25, x 1.25") in KEYS and "{ }" not in narrow
+        assert all(meaning in text for _, meaning in keys_of("bodies", True)) and "P K C I" in text
+        assert all(len(meaning) < 33 and len(key) < 8 for key, meaning in keys_of("bodies", True))
+    assert ("{ }", "stiffness / 1.25, x 1.25") in keys_of("sheet", False) and "{ }" not in narrow
     assert "P: particles" in hint("bodies", True) and "P: " not in hint(space=True) + hint()
 
 

@@ -16,7 +16,7 @@ from softlab.app.render.fluid.view import COLOURINGS, VIEW_OPTIONS
 from softlab.app.render.framing import seen_points
 from softlab.app.render.particle_colours import of_numbers
 from softlab.app.render.views import check_view_options
-from softlab.app.window.keys import FLUID_KEYS, keys_text
+from softlab.app.window.keys import keys_of, keys_text
 from softlab.model.base.errors import InputError
 from softlab.model.fluid.foam import FOAM, FoamPoints
 from softlab.model.fluid.measure import density_errors
@@ -124,7 +124,7 @@ def test_looks_that_are_none_are_refused() -> None:
 
 def test_keys_of_fluids() -> None:
     text = keys_text(1200, "fluid", True)
-    assert all(meaning in text for _, meaning in FLUID_KEYS) and all(name in text for name in COLOURINGS)
+    assert all(meaning in text for _, meaning in keys_of("fluid", True)) and all(name in text for name in COLOURINGS)
     assert "rotate" not in keys_text(1200, "fluid", False)
 
 

@@ -16,7 +16,7 @@ from softlab.app.output.offscreen import OffscreenRenderer, Picture, render_fram
 from softlab.app.render import colours
 from softlab.app.render.tetrahedra_view import COLOURINGS, outer_faces
 from softlab.app.window.demo import Demo
-from softlab.app.window.keys import SPACE_KEYS, TETRAHEDRA_KEYS, keys_text
+from softlab.app.window.keys import keys_of, keys_text
 from softlab.app.window.materials import FIRST_DAMPING, material_changes, material_text
 from softlab.model.base.errors import InputError
 from softlab.model.scene.scene import Scene
@@ -126,10 +126,10 @@ def test_what_cannot_be_is_a_message(demo: Demo) -> None:
 
 
 def test_keys_of_tetrahedra_are_told() -> None:
-    text = keys_text(1200, "tetrahedra", True)
-    assert all(meaning in text for _, meaning in TETRAHEDRA_KEYS) and "( )" not in keys_text(1200, space=True)
-    assert all(len(meaning) < 33 and len(key) < 8 for key, meaning in TETRAHEDRA_KEYS)
-    assert {key for key, _ in SPACE_KEYS} < {key for key, _ in TETRAHEDRA_KEYS}
+    text, keys = keys_text(1200, "tetrahedra", True), keys_of("tetrahedra", True)
+    assert all(meaning in text for _, meaning in keys) and "( )" not in keys_text(1200, space=True)
+    assert all(len(meaning) < 33 and len(key) < 8 for key, meaning in keys)
+    assert {key for key, _ in keys_of("sheet", True)} < {key for key, _ in keys}
 
 
 # ---------------------------------------------------------------------- pictures

@@ -15,7 +15,7 @@ from test_view3d import HANGING, REST, SCENE, looks_like
 from softlab.app.render import colours
 from softlab.app.render.camera3d import Camera3D
 from softlab.app.window.demo import Demo
-from softlab.app.window.keys import SPACE_KEYS, keys_text
+from softlab.app.window.keys import keys_of, keys_text
 from softlab.model.scene.scene import Scene, load_scene
 
 # ---------------------------------------------------------------------- the demo
@@ -86,10 +86,10 @@ def test_the_statistics_have_three_dimensions(demo: Demo) -> None:
 
 
 def test_the_keys_of_space_are_told() -> None:
-    wide, narrow = keys_text(1200, space=True), keys_text(400, space=True)
-    assert len(narrow.splitlines()) == len(SPACE_KEYS) + 1 and len(wide.splitlines()) == -(-len(SPACE_KEYS) // 2) + 1
+    wide, narrow, keys = keys_text(1200, space=True), keys_text(400, space=True), keys_of("sheet", True)
+    assert len(narrow.splitlines()) == len(keys) + 1 and len(wide.splitlines()) == -(-len(keys) // 2) + 1
     assert "surface" in wide and "surface" not in keys_text(1200)
-    assert all(len(meaning) < 30 and len(key) < 8 for key, meaning in SPACE_KEYS)
+    assert all(len(meaning) < 30 and len(key) < 8 for key, meaning in keys)
 
 
 # ---------------------------------------------------------------------- the window itself

@@ -196,33 +196,3 @@ void main() {{
     smooth_depth = sum / weight;
 }}
 """
-
-# W. van der Laan, S. Green, M. Sainz, "Screen Space Fluid Rendering with Curvature Flow", I3D 2009: a step against the mean
-# curvature; none over edges.
-STEP = 0.2  # pixels^2, of curvature flow: explicit diffusion in a plane is stable up to a quarter
-CURVATURE_FRAGMENT = (
-    "#version 330 core\n"
-    + AT
-    + """
-uniform float focal;
-uniform float range;        // m
-out float smooth_depth;
-void main() {
-    ivec2 p = ivec2(gl_FragCoord.xy);
-    float here = at(p);
-    smooth_depth = here;
-    if (here <= 0.0) return;
-    float l = at(p - ivec2(1, 0)), r = at(p + ivec2(1, 0)), d = at(p - ivec2(0, 1)), u = at(p + ivec2(0, 1));
-    float worst = max(max(abs(l - here), abs(r - here)), max(abs(d - here), abs(u - here)));
-    if (worst > range || min(min(l, r), min(d, u)) <= 0.0) return;
-    float side = here / focal;  // m, of a pixel there
-    vec2 slope = vec2(r - l, u - d) / (2.0 * side);
-    float xx = (l + r - 2.0 * here) / (side * side), yy = (d + u - 2.0 * here) / (side * side);
-    float xy = (at(p + 1) - at(p + ivec2(1, -1)) - at(p + ivec2(-1, 1)) + at(p - 1)) / (4.0 * side * side);
-    float size = 1.0 + dot(slope, slope);
-    float curvature = (xx * (1.0 + slope.y * slope.y) + yy * (1.0 + slope.x * slope.x) - 2.0 * xy * slope.x * slope.y)
-        / (2.0 * size * sqrt(size));
-    smooth_depth = here + STEP * side * side * 2.0 * curvature;
-}
-""".replace("STEP", str(STEP))
-)

@@ -5,7 +5,7 @@ W. van der Laan, S. Green, M. Sainz, "Screen Space Fluid Rendering with Curvatur
 1. depth: particles as balls or as ellipsoids (J. Yu, G. Turk, ACM TOG 32 (2013): model/geometry/anisotropy.py), the nearest
    point at each pixel, as distance along the line of view in 32-bit float;
 2. outline: where a bell over what is covered is above a level, so that it is a curve and not the edge of balls;
-3. filter, on and on between two pictures: `narrow-range` (N. Truong, C. Yuksel 2018), or `curvature-flow`, or `none`;
+3. filter, on and on between two pictures: `narrow-range` (N. Truong, C. Yuksel 2018), or `none`;
 4. thickness: how long the line of sight is inside of particles, summed;
 5. shading: normals from differences of depth, what is behind seen through the fluid, reflected sky, sun.
 """
@@ -34,7 +34,7 @@ from softlab.app.render.scenery import KEY
 from softlab.app.render.vertex_arrays import APPEARANCE, POSITION, uniform_matrix
 from softlab.model.base.errors import InputError
 
-FILTERS = ("narrow-range", "curvature-flow", "none")
+FILTERS = ("narrow-range", "none")
 BACK = 5  # where shaders look for the first row of an ellipsoid's inverse
 HALF_WIDTH, RANGE, BEYOND = 3.0, 3.5, 0.6  # of the filter, in radii: half width, range, smallest depth step that counts
 BLUR = 3.0  # radii: half width of that of thickness
@@ -50,7 +50,6 @@ STEPS: dict[str, list[tuple[str, tuple[int, int] | None, dict[str, float]]]] = {
         ),
         ("clean", None, _NARROW),
     ],
-    "curvature-flow": [("curvature-flow", None, {"range": RANGE})] * 60,
     "none": [],
 }
 ROUND, FINEST = 1.1, 2.0  # the bell that rounds outlines: its standard deviation in radii, at least in cells of pixels
@@ -88,7 +87,6 @@ class FluidSurface:
                 ("outline", shaders.SCREEN_VERTEX, filter_shaders.OUTLINE_FRAGMENT),
                 ("narrow-range", shaders.SCREEN_VERTEX, filter_shaders.NARROW_FRAGMENT),
                 ("clean", shaders.SCREEN_VERTEX, filter_shaders.CLEAN_FRAGMENT),
-                ("curvature-flow", shaders.SCREEN_VERTEX, filter_shaders.CURVATURE_FRAGMENT),
                 ("blur", shaders.SCREEN_VERTEX, filter_shaders.BLUR_FRAGMENT),
                 ("normal", shaders.SCREEN_VERTEX, shaders.NORMAL_FRAGMENT),
                 ("shade", shaders.SCREEN_VERTEX, shaders.SHADE_FRAGMENT),

@@ -125,10 +125,15 @@ class Rows:
 
     def choice(self, name: str, now: str, words: Sequence[str], tip: str = "", height: int = 12) -> str | None:
         """Draw a list of words and return a newly chosen one."""
-        imgui, chosen = self.imgui, None
+        imgui = self.imgui
         self.name(name, tip)
         imgui.set_next_item_width(-1)
         imgui.set_next_window_size_constraints((0, 0), (1e4, height * imgui.get_frame_height_with_spacing()))
+        return self.list_of_words(name, now, words)
+
+    def list_of_words(self, name: str, now: str, words: Sequence[str]) -> str | None:
+        """Draw the list of `choice` without its name and return a newly chosen word."""
+        imgui, chosen = self.imgui, None
         if imgui.begin_combo(f"##{name}", now):
             for word in words:
                 pressed, _ = imgui.selectable(word, word == now)

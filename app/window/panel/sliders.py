@@ -97,25 +97,13 @@ class Sliders(Rows):
             self.record_place(one.path)
             new = bool(new) if pressed else None
         elif one.kind == "word":
-            new = self._word(one, str(shown))
+            new = self.list_of_words(one.path, str(shown), one.words)
         else:
             new = self._number(one, shown)
         if initial is not None and initial != now and self._reset(one.path):
             state.pending.pop(one.path, None)
             return initial
         return new
-
-    def _word(self, one: Parameter, now: str) -> str | None:
-        imgui, chosen = self.imgui, None
-        if imgui.begin_combo(f"##{one.path}", now):
-            for word in one.words:
-                pressed, _ = imgui.selectable(word, word == now)
-                chosen = word if pressed and word != now else chosen
-            if self.state.cancels:
-                imgui.close_current_popup()
-            imgui.end_combo()
-        self.record_place(one.path)
-        return chosen
 
     def _number(self, one: Parameter, shown: Any) -> object:
         imgui = self.imgui

@@ -11,8 +11,8 @@ import numpy as np
 
 from softlab.model.base.errors import InputError
 from softlab.model.geometry.formats.elements import Elements
-from softlab.model.geometry.formats.source import NotANumber, plain, wholes
-from softlab.model.geometry.formats.words import Words
+from softlab.model.geometry.formats.source import plain, wholes
+from softlab.model.geometry.formats.words import Words, refusal_among
 
 NODES = {
     1: 2, 2: 3, 3: 4, 4: 4, 5: 8, 6: 6, 7: 5, 8: 3, 9: 6, 10: 9, 11: 10, 12: 27, 13: 18, 14: 14, 15: 1, 16: 8, 17: 20,
@@ -116,16 +116,13 @@ def _element_lines(text: str) -> list[tuple[int, np.ndarray]]:
     rows = [line.split() for line in lines[1 : count + 1]]
     if count < 0 or len(rows) < count or any(len(row) < 4 for row in rows):
         raise InputError(f"{count} elements promised, {len(rows)} lines found: cut short or damaged; export it again")
-    elements = []
-    try:
-        for kind, corners in CORNERS.items():
-            taken = [row[3 + int(wholes(row[2:3], 1)[0]) :][:corners] for row in rows if row[1] == str(kind)]
-            if any(len(row) < corners for row in taken):
-                raise InputError("an element has fewer nodes than its type: cut short or damaged; export it again")
-            flat = wholes([word for row in taken for word in row], len(taken) * corners)
-            elements.append((kind, flat.reshape(len(taken), corners)))
-    except NotANumber as error:
-        raise InputError(f"among its elements, {error.message}; export it again") from None
+    elements, refused = [], refusal_among("elements")
+    for kind, corners in CORNERS.items():
+        taken = [row[3 + int(wholes(row[2:3], 1, refused)[0]) :][:corners] for row in rows if row[1] == str(kind)]
+        if any(len(row) < corners for row in taken):
+            raise InputError("an element has fewer nodes than its type: cut short or damaged; export it again")
+        flat = wholes([word for row in taken for word in row], len(taken) * corners, refused)
+        elements.append((kind, flat.reshape(len(taken), corners)))
     return elements
 
 

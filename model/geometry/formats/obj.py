@@ -11,11 +11,12 @@ import numpy as np
 from softlab.model.base.errors import InputError
 from softlab.model.geometry.formats.faces import Faces
 from softlab.model.geometry.formats.source import (
-    NotANumber,
     joined,
     line_of,
     plain,
     reals,
+    refusal,
+    row_of,
     table,
     whole_table,
     wholes,
@@ -54,12 +55,8 @@ def _points(vertices: list[bytes], vertex_line: Callable[[int], str]) -> np.ndar
         raise InputError(
             f"vertices of fewer than three coordinates: {len(short)}, the first in {vertex_line(short[0])}; export it again"
         )
-    try:
-        return reals(chain.from_iterable(rows), 3 * len(rows)).reshape(-1, 3)
-    except NotANumber as error:
-        raise InputError(
-            f"it cannot be read as OBJ: {error.message} ({vertex_line(error.number // 3)}); export it again"
-        ) from None
+    refused = refusal("OBJ", lambda token: vertex_line(token // 3))
+    return reals(chain.from_iterable(rows), 3 * len(rows), refused).reshape(-1, 3)
 
 
 def _polygons(faces: list[bytes], face_line: Callable[[int], str]) -> tuple[np.ndarray, np.ndarray]:
@@ -75,11 +72,8 @@ def _polygons(faces: list[bytes], face_line: Callable[[int], str]) -> tuple[np.n
             f"faces of fewer than three corners: {int((sizes < 3).sum())}, the first in "
             f"{face_line(int(np.argmax(sizes < 3)))}; remove them, or export it again"
         )
-    try:
-        return wholes(chain.from_iterable(tokens), int(sizes.sum())), sizes
-    except NotANumber as error:
-        face = int(np.searchsorted(np.cumsum(sizes), error.number, "right"))
-        raise InputError(f"it cannot be read as OBJ: {error.message} ({face_line(face)}); export it again") from None
+    refused = refusal("OBJ", lambda token: face_line(row_of(token, sizes)))
+    return wholes(chain.from_iterable(tokens), int(sizes.sum()), refused), sizes
 
 
 def _corners(

@@ -11,10 +11,11 @@ from softlab.model.base.waiting import steps
 from softlab.model.geometry.formats.faces import Faces
 from softlab.model.geometry.formats.source import (
     READING,
-    NotANumber,
     plain,
     polygon_table,
     reals,
+    refusal,
+    row_of,
     table,
     wholes,
     without_comments,
@@ -35,10 +36,7 @@ def read_off(data: bytes) -> Faces:
     rows = [(number, line) for number, line in lines if line.strip()]
     if not rows or len(rows[0][1].split()) < 2:
         raise InputError("it cannot be read as OFF: it has no counts of vertices and faces; export it again")
-    try:
-        vertices, faces = wholes(rows[0][1].split()[:2], 2).tolist()
-    except NotANumber as error:
-        raise InputError(f"it cannot be read as OFF: {error.message} (line {rows[0][0]}); export it again") from None
+    vertices, faces = wholes(rows[0][1].split()[:2], 2, refusal("OFF", lambda _: f"line {rows[0][0]}")).tolist()
     if vertices < 0 or faces < 0 or len(rows) < 1 + vertices + faces:
         raise InputError(
             f"{vertices} vertices and {faces} faces promised, {len(rows) - 1} lines found: cut short; export it again"
@@ -59,11 +57,8 @@ def _points(points: list[tuple[int, bytes]]) -> np.ndarray:
     short = next((number for (number, _), row in zip(points, rows, strict=True) if len(row) < 3), None)
     if short is not None:
         raise InputError(f"vertices of fewer than three coordinates, the first in line {short}; export it again")
-    try:
-        return reals([token for row in rows for token in row], 3 * len(rows)).reshape(-1, 3)
-    except NotANumber as error:
-        where = points[error.number // 3][0]
-        raise InputError(f"it cannot be read as OFF: {error.message} (line {where}); export it again") from None
+    refused = refusal("OFF", lambda token: f"line {points[token // 3][0]}")
+    return reals([token for row in rows for token in row], 3 * len(rows), refused).reshape(-1, 3)
 
 
 def _polygons(polygons: list[tuple[int, bytes]]) -> tuple[np.ndarray, np.ndarray]:
@@ -80,8 +75,5 @@ def _polygons(polygons: list[tuple[int, bytes]]) -> tuple[np.ndarray, np.ndarray
             )
         sizes[k] = size
         corners += words[1 : 1 + size]
-    try:
-        return wholes(corners, len(corners)), sizes
-    except NotANumber as error:
-        where = polygons[int(np.searchsorted(np.cumsum(sizes), error.number, "right"))][0]
-        raise InputError(f"it cannot be read as OFF: {error.message} (line {where}); export it again") from None
+    refused = refusal("OFF", lambda token: f"line {polygons[row_of(token, sizes)][0]}")
+    return wholes(corners, len(corners), refused), sizes

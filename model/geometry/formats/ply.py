@@ -13,7 +13,7 @@ from softlab.model.base.errors import InputError
 from softlab.model.base.waiting import steps
 from softlab.model.geometry.formats.faces import Faces
 from softlab.model.geometry.formats.ply_header import Element, coordinates, header_of, list_of, refused
-from softlab.model.geometry.formats.source import READING, NotANumber, plain, polygon_table, reals, table, wholes
+from softlab.model.geometry.formats.source import READING, plain, polygon_table, reals, refusal, row_of, table, wholes
 
 _Lists = tuple[str, np.ndarray, np.ndarray]  # name of an element, vertices of its lists (sum of sizes,), sizes (rows,)
 
@@ -77,11 +77,8 @@ def _text_vertices(element: Element, lines: list[bytes], numbers: list[int], hea
                 f"line {header + number + 1} has {len(row)} numbers of {wanted} of a vertex: damaged or cut short; export "
                 "it again"
             )
-    try:
-        return reals([row[place] for row in rows for place in places], 3 * len(rows)).reshape(-1, 3)
-    except NotANumber as error:
-        where = header + numbers[error.number // 3] + 1
-        raise refused(f"{error.message} (line {where})") from None
+    at_line = refusal("PLY", lambda token: f"line {header + numbers[token // 3] + 1}")
+    return reals([row[place] for row in rows for place in places], 3 * len(rows), at_line).reshape(-1, 3)
 
 
 def _text_lists(element: Element, lines: list[bytes], numbers: list[int], header: int) -> _Lists:
@@ -109,13 +106,8 @@ def _text_lists(element: Element, lines: list[bytes], numbers: list[int], header
     if len(polygons) < element.length:
         raise InputError(_short(element, len(polygons)))
     sizes = np.fromiter(map(len, polygons), np.int64, len(polygons))
-    try:
-        flat = wholes([word for row in polygons for word in row], int(sizes.sum()))
-    except NotANumber as error:
-        row = int(np.searchsorted(np.cumsum(sizes), error.number, "right"))
-        where = header + numbers[row] + 1
-        raise refused(f"{error.message} (line {where})") from None
-    return element.name, flat, sizes
+    at_line = refusal("PLY", lambda token: f"line {header + numbers[row_of(token, sizes)] + 1}")
+    return element.name, wholes([word for row in polygons for word in row], int(sizes.sum()), at_line), sizes
 
 
 def _short(element: Element, readable: int) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from itertools import islice
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from softlab.model.base.memory import available_bytes, readable
 from softlab.model.base.waiting import steps
 
 BYTES_PER_FILE_BYTE = 25  # of memory while a file is read and mended: 8 to 18 measured with a million vertices
+Refusal = Callable[[int, str], InputError]  # of the index of a token that is no number, and the reason
 READING = "reading the mesh"  # shown while it takes long
 LINES = 1 << 15  # of a text read at once
 LARGEST_WHOLE = 2.0**53  # below it float64 holds whole numbers
@@ -136,25 +137,27 @@ def whole_table(lines: Sequence[bytes], columns: int) -> np.ndarray | None:
     return rows.astype(np.int64)
 
 
-def reals(tokens: Iterable[bytes | str], count: int) -> np.ndarray:
-    """Return `count` tokens as (count,) float64. Raises NotANumber."""
-    return _converted(tokens, count, np.float64, float)
+def refusal(kind: str, where: Callable[[int], str]) -> Refusal:
+    """Return the refusal of a file of this kind that names the line `where(token)`."""
+    return lambda token, reason: InputError(f"it cannot be read as {kind}: {reason} ({where(token)}); export it again")
 
 
-def wholes(tokens: Iterable[bytes | str], count: int) -> np.ndarray:
-    """Return `count` tokens as (count,) int64. Raises NotANumber."""
-    return _converted(tokens, count, np.int64, int)
+def row_of(token: int, sizes: np.ndarray) -> int:
+    """Return the row of a token, of rows of these sizes."""
+    return int(np.searchsorted(np.cumsum(sizes), token, "right"))
 
 
-class NotANumber(Exception):
-    """A token of a file is not the number it should be. `number`: index of the token; `message`: the error."""
-
-    def __init__(self, number: int, message: str):
-        self.number, self.message = number, message
-        super().__init__(message)
+def reals(tokens: Iterable[bytes | str], count: int, refused: Refusal) -> np.ndarray:
+    """Return `count` tokens as (count,) float64. Raises `refused`."""
+    return _converted(tokens, count, refused, np.float64, float)
 
 
-def _converted(tokens: Iterable[bytes | str], count: int, dtype: type, convert: type) -> np.ndarray:
+def wholes(tokens: Iterable[bytes | str], count: int, refused: Refusal) -> np.ndarray:
+    """Return `count` tokens as (count,) int64. Raises `refused`."""
+    return _converted(tokens, count, refused, np.int64, int)
+
+
+def _converted(tokens: Iterable[bytes | str], count: int, refused: Refusal, dtype: type, convert: type) -> np.ndarray:
     tokens = list(tokens)
     try:
         return np.fromiter(map(convert, tokens), dtype, count)
@@ -165,5 +168,5 @@ def _converted(tokens: Iterable[bytes | str], count: int, dtype: type, convert: 
             except (ValueError, OverflowError):
                 kind = "a number" if convert is float else "a whole number"
                 comma = "; write decimals with a point" if "," in word(token) else ""
-                raise NotANumber(number, f"{word(token)} is not {kind}{comma}") from None
+                raise refused(number, f"{word(token)} is not {kind}{comma}") from None
         raise

@@ -8,7 +8,7 @@ import numpy as np
 
 from softlab.model.base.errors import InputError
 from softlab.model.geometry.formats.faces import Faces, uniform
-from softlab.model.geometry.formats.source import NotANumber, line_of, plain, reals, table
+from softlab.model.geometry.formats.source import line_of, plain, reals, refusal, table
 
 HEADER, TRIANGLE = 84, 50  # bytes of a binary file
 RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
@@ -44,14 +44,9 @@ def read_stl(data: bytes) -> Faces:
     def vertex_line(number: int) -> str:
         return line_of(text, VERTEX, number)
 
-    try:
-        flat = reals([token for row in rows for token in row], 9 * facets) if parsed is None else parsed[:, :3]
-        position = np.ascontiguousarray(flat).reshape(-1, 3)
-    except NotANumber as error:
-        raise InputError(
-            f"it cannot be read as STL: {error.message} ({vertex_line(error.number // 3)}); export it again"
-        ) from None
-    corners = np.arange(3 * facets)
+    refused = refusal("STL", lambda token: vertex_line(token // 3))
+    flat = reals([token for row in rows for token in row], 9 * facets, refused) if parsed is None else parsed[:, :3]
+    position, corners = np.ascontiguousarray(flat).reshape(-1, 3), np.arange(3 * facets)
     return Faces(
         position, corners, np.full(facets, 3), vertex_line, lambda number: line_of(text, FACET, number), first=0
     )

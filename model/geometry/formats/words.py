@@ -5,7 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from softlab.model.base.errors import InputError
-from softlab.model.geometry.formats.source import NotANumber, reals, wholes
+from softlab.model.geometry.formats.source import Refusal, reals, wholes
+
+
+def refusal_among(what: str) -> Refusal:
+    """Return the refusal of a file with a word among its numbers of `what`."""
+    return lambda _, reason: InputError(f"among its {what}, {reason}; export it again")
 
 
 class Words:
@@ -30,17 +35,11 @@ class Words:
 
     def whole(self, count: int, what: str) -> np.ndarray:
         """Return the next `count` words as (count,) int64."""
-        try:
-            return wholes(self.take(count, what), count)
-        except NotANumber as error:
-            raise InputError(f"among its {what}, {error.message}; export it again") from None
+        return wholes(self.take(count, what), count, refusal_among(what))
 
     def real(self, count: int, what: str) -> np.ndarray:
         """Return the next `count` words as (count,) float64."""
-        try:
-            return reals(self.take(count, what), count)
-        except NotANumber as error:
-            raise InputError(f"among its {what}, {error.message}; export it again") from None
+        return reals(self.take(count, what), count, refusal_among(what))
 
     def upto(self, word: str) -> bool:
         """Advance past the next `word`. Returns False if there is none."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from softlab.model.assets.tetrahedral_body import CookedBody
-from softlab.model.base.errors import InputError, SceneError
+from softlab.model.base.errors import SceneError, naming
 from softlab.model.geometry.arithmetic.ordered import applied, total
 from softlab.model.geometry.measures import rotation_about
 from softlab.model.geometry.tetrahedra.mesh import TetrahedralMesh
@@ -58,7 +58,7 @@ def placed_body(
 
     Raises SceneError, InputError, which name the body.
     """
-    try:
+    with naming(name, files=True):
         body = part.cooked
         if part.volume == "voxels" and not body.per_voxel:
             raise SceneError("volume", part.volume, "is of bodies cut into voxels; this file has tetrahedra alone")
@@ -71,10 +71,6 @@ def placed_body(
         pinned = np.unique(np.concatenate([np.zeros(0, np.int64), *selected]))
         velocity = _velocity(part, mesh.position, lambda: matter.masses(body.mesh, body.fractions), pinned)
         masses = matter.masses(mesh, body.fractions, part.mass_ratio)
-    except SceneError as error:
-        raise SceneError(f"{name}.{error.field}", error.value, error.allowed) from None
-    except InputError as error:
-        raise InputError(f"{name}: {error}") from None
     run = max(1, body.per_voxel) if part.sweep == "voxels" else 1
     return PlacedBody(mesh, body, matter, masses, velocity, pinned, run)
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from softlab.model.base.errors import SceneError
+from softlab.model.base.errors import naming
 from softlab.model.base.pins import pin_indices
 from softlab.model.geometry.mesh import TriangleMesh
 from softlab.model.geometry.topology import mesh_of, pinned_vertices, vertex_masses
@@ -35,9 +35,7 @@ def sheet_of(name: str, part: Mesh, attached: Sequence[str], regions: Mapping[st
     position = mesh.position + part.origin
     by_rows = part.file is None
     stated = pin_indices(part.pinned, part.rows, part.columns) if by_rows else pinned_vertices(part)
-    try:
+    with naming(name):
         more = [vertices_of(word, mesh.position, position, regions) for word in attached]
-    except SceneError as error:
-        raise SceneError(f"{name}.{error.field}", error.value, error.allowed) from None
     pinned = np.unique(np.concatenate([stated, *more])).astype(np.int64)
     return Sheet(name, part, mesh, position, vertex_masses(part), pinned)

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
 
-from softlab.model.base.errors import SceneError
 from softlab.model.base.table import ZERO, Positive, Vector
 from softlab.model.base.types import Real
 from softlab.model.geometry.arithmetic.ordered import applied, norm
@@ -78,15 +75,6 @@ class SurfaceCollider(MeshSource, Collider):
         """Return a user's lines on the mesh: its size and omissions. Raises SceneError, InputError."""
         size = " x ".join(f"{length:.4g}" for length in np.ptp(self.position, axis=0))
         return [f"{len(self.triangles)} triangles, {size} m", *self.notes]
-
-
-@contextmanager
-def naming(part: str) -> Iterator[None]:
-    """Raise errors of a part's fields with its name, which it does not know."""
-    try:
-        yield
-    except SceneError as error:
-        raise SceneError(f"{part}.{error.field}", error.value, error.allowed) from None
 
 
 def turn_matrix(turn: np.ndarray) -> np.ndarray:
