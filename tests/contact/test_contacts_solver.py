@@ -11,7 +11,6 @@ from contact_scenes import folded
 from softlab.app.driver import open_simulation
 from softlab.bench.reference import mass_spring
 from softlab.bench.reference.contact import self_contacts as reference
-from softlab.model.base.errors import SceneError
 from softlab.model.contact.self_contact_parameters import MAX_CONTACTS
 from softlab.model.core.simulation import State
 from softlab.model.scene.scene import Scene
@@ -42,29 +41,3 @@ def test_a_folded_strip_that_falls_follows_the_reference(ordering: str) -> None:
 
 
 # ---------------------------------------------------------------------- scenes that cannot be
-
-
-@pytest.mark.parametrize(
-    ("change", "match"),
-    [
-        ({"self_collision.thickness": 0.11}, "at most cloth.spacing, 0.1: neighbours"),
-        ({"self_collision.thickness": 0.0}, "greater than 0"),
-        ({"self_collision.sweeps": 0}, "at least 1"),
-        ({"self_collision.dynamic_friction": 0.5}, "at most static_friction"),
-        ({"method.solver": "mass-spring"}, "position-based"),
-        ({"fold.rows": 1}, "at least 2"),
-    ],
-)
-def test_scenes_that_cannot_be_are_refused(change: dict[str, Any], match: str) -> None:
-    with pytest.raises(SceneError, match=match):
-        folded().replace(change)
-
-
-def test_a_grid_has_no_contacts_with_itself() -> None:
-    with pytest.raises(SceneError, match="belongs to a"):
-        Scene({"grid": {"rows": 3, "columns": 3}, "self_collision": {}, "method": {"solver": "xpbd"}})
-
-
-def test_the_fused_kernel_is_refused() -> None:
-    with pytest.raises(SceneError, match='use kernel="stages"'):
-        end_state(folded(), 1, kernel="fused")

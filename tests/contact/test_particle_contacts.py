@@ -16,7 +16,7 @@ from meeting_bodies import meeting, neighbours
 from softlab.bench.reference import shape_matching as reference
 from softlab.bench.reference.contact.particle_contacts import Contacts
 from softlab.cpu_backend.contact.particles import ParticleContacts
-from softlab.model.base.errors import Diverged, SceneError
+from softlab.model.base.errors import Diverged
 from softlab.model.contact.particle_parameters import (
     H_INVERSE_CELL,
     MAX_NEIGHBOURS,
@@ -226,11 +226,6 @@ def test_more_neighbours_than_are_kept_are_counted() -> None:
         simulation.advance(1)
         assert simulation.contacts_lost == points * (points - 1 - MAX_NEIGHBOURS)
         assert np.isfinite(simulation.state().position).all()
-
-
-def test_what_the_scene_lacks_is_told() -> None:
-    with pytest.raises(SceneError, match="needs contacts"):
-        bodies_scene(bar=BAR | {"adhesion": 1.0})
 
 
 # ---------------------------------------------------------------------- the catalogue's

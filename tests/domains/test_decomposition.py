@@ -110,12 +110,6 @@ def test_a_step_that_reaches_too_far_is_shared_in_parts():
         decompose(200, 10, 2, reach, 1)
 
 
-@pytest.mark.parametrize("rows, count", [(3, 4), (1, 2), (16, 17)])
-def test_more_domains_than_rows_are_refused(rows, count):
-    with pytest.raises(SceneError, match=f"at most {rows}"):
-        decompose(rows, 5, count, Stencil())
-
-
 def test_a_share_must_hold_a_halo():
     """Runge-Kutta's step evaluates forces four times, one after another: it reads four rows beyond."""
     assert decompose(16, 5, 4, Stencil(forces=4)).halo == 4
@@ -123,12 +117,6 @@ def test_a_share_must_hold_a_halo():
         decompose(16, 5, 5, Stencil(forces=4))
     with pytest.raises(SceneError, match="use at most 1"):
         decompose(16, 5, 4, Stencil(forces=4), steps=2)
-
-
-@pytest.mark.parametrize("count, steps", [(0, None), (-1, None), (2, 0), (2, -3)])
-def test_what_is_no_number_of_them_is_refused(count, steps):
-    with pytest.raises(SceneError, match="at least 1"):
-        decompose(16, 5, count, Stencil(), steps)
 
 
 def test_one_owns_all_and_sends_nothing():

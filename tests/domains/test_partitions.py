@@ -102,22 +102,6 @@ def test_a_bad_vertex_is_told_by_its_number_in_the_whole() -> None:
     assert run_in_threads(2, program, patience=60) == [bad, bad]
 
 
-@pytest.mark.parametrize(
-    "count, changes, said",
-    [
-        (8, {}, "beyond its neighbours.*use at most 5"),
-        (1000, {}, "use at most 5"),
-        (2, {"method.iterations": 20}, "use at most 1"),
-        (2, {"method.solver": "newton"}, 'scene.replace.*"method.solver": "xpbd"'),
-        (2, {"external.magnitude": 1.0}, "a random number for each vertex"),
-    ],
-)
-def test_what_cannot_be_cut_says_so(count: int, changes: dict[str, Any], said: str) -> None:
-    scene = load_scene("fem-cantilever").replace(changes)
-    with pytest.raises(SceneError, match=said):
-        partitioned.partitions(scene, count, None, "--ranks")
-
-
 def test_partitions_exchange_once_a_substep() -> None:
     """Of a cantilever of 189 vertices, 60 substeps a step: all are owned once, and what is sent is what others hold."""
     cut = partitioned.partitions(load_scene("fem-cantilever"), 2, None, "--ranks")

@@ -5,8 +5,8 @@ from shares import alone, same, shared
 
 from softlab.app.driver import open_simulation
 from softlab.cpu_backend.domains.in_threads import Meeting, ThreadRanks, run_in_threads
-from softlab.cpu_backend.domains.ranks import RankSimulation, on_ranks, shared_threads
-from softlab.model.base.errors import BackendUnavailable, Diverged, SceneError
+from softlab.cpu_backend.domains.ranks import RankSimulation, shared_threads
+from softlab.model.base.errors import BackendUnavailable, Diverged
 from softlab.model.core.options import Options
 from softlab.model.core.simulation import State
 from softlab.model.domains.simulation import cut
@@ -86,38 +86,6 @@ def cloth_of(name, integrator):
 @pytest.mark.parametrize("name, integrator, halo", CLOTHS)
 def test_how_far_a_step_of_a_cloth_reads(name, integrator, halo):
     assert cut(cloth_of(name, integrator), 2, 1, "--ranks").halo == halo
-
-
-def test_a_row_each_is_the_smallest_share():
-    with pytest.raises(SceneError, match="at most 4"):
-        shared(scene_of("lab", rows=4), 5, 1)
-
-
-@pytest.mark.parametrize(
-    "name, changes, said",
-    [
-        ("cloth-mesh", {}, "a position-based mesh is not supported"),
-        ("cloth-flamenco", {}, "pins anywhere"),
-        ("cloth-self", {}, "anywhere in the whole cloth collide"),
-        ("jelly-block", {}, "1 body is never cut; use 1"),
-        ("dam-break", {}, "thinner than their halo"),
-        ("fem-cantilever", {"method.iterations": 20}, "use at most 1"),
-        ("cloth-twist", {}, "moves pins"),
-        ("cloth-hanging", {"external.magnitude": 0.1}, "run the scene on one"),
-        ("cloth-hanging", {"method.integrator": "implicit-euler"}, "at once"),
-    ],
-)
-def test_what_cannot_be_shared_says_so(name, changes, said):
-    scene = load_scene(name).replace(changes)
-    with pytest.raises(SceneError, match=said):
-        run_in_threads(2, lambda ranks: on_ranks(scene, Options(), ranks), patience=5)
-
-
-def test_one_mass_of_a_cloth_is_not_pulled():
-    scene = load_scene("cloth-hanging").replace({"cloth.rows": 17, "cloth.columns": 5})
-    options = Options(live=frozenset({"poke"}))
-    with pytest.raises(SceneError, match="poke"):
-        run_in_threads(2, lambda ranks: RankSimulation(scene, options, ranks), patience=5)
 
 
 def test_threads_of_ranks_share_the_cores(monkeypatch):

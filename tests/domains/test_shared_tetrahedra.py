@@ -4,12 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-import pytest
-
 from softlab.app.driver import open_simulation
 from softlab.cpu_backend.domains.in_threads import run_in_threads
 from softlab.cpu_backend.domains.ranks import on_ranks
-from softlab.model.base.errors import SceneError
 from softlab.model.core.options import Options
 from softlab.model.core.state import State
 from softlab.model.scene.scene import Scene
@@ -65,28 +62,3 @@ def test_a_force_on_a_vertex_reaches_its_share() -> None:
     options = Options("float64", "exact", live=live)
     for found in run_in_threads(2, lambda ranks: driven(poked, on_ranks(scene, options, ranks, 1)), patience=60):
         assert found.position.tobytes() == wanted.position.tobytes()
-
-
-CLOTH = {"shape": "sheet", "rows": 2, "columns": 2, "spacing": 0.1, "density": 0.5}
-SPRING = {"kind": "attachment", "body": "hookean", "vertices": "left", "compliance": 1e-4}
-
-
-@pytest.mark.parametrize(
-    "more, said",
-    [
-        ({"contact": {}}, "lets bodies collide"),
-        ({"method": METHOD | {"solver": "newton"}}, 'scene.replace.*"method.solver": "xpbd"'),
-        ({"tie": SPRING | {"to": "six"}}, "uses springs"),
-        ({"external": {"magnitude": 1.0}}, "a random number for each vertex"),
-        ({"mesh": CLOTH, "structural": {"stiffness": 10.0}}, "a cloth beside bodies"),
-    ],
-)
-def test_what_couples_bodies_says_so(more: dict[str, Any], said: str) -> None:
-    with pytest.raises(SceneError, match=said):
-        run_in_threads(2, lambda ranks: on_ranks(scene_of("hookean", "six", **more), Options(), ranks, 1), patience=5)
-
-
-def test_targets_are_of_all_pinned_vertices() -> None:
-    options = Options(live=frozenset({"targets"}))
-    with pytest.raises(SceneError, match="targets"):
-        run_in_threads(2, lambda ranks: on_ranks(scene_of(), options, ranks, 1), patience=5)

@@ -13,7 +13,6 @@ import pytest
 
 from softlab.app.driver import open_simulation
 from softlab.bench.reference import tetrahedra_newton as reference
-from softlab.model.base.errors import SceneError
 from softlab.model.core.simulation import Simulation, State
 from softlab.model.scene.scene import Scene, load_scene
 from softlab.model.tetrahedra.block_rows import block_rows
@@ -206,10 +205,3 @@ def test_rows_of_blocks_hold_each_corner_pair_once() -> None:
             np.testing.assert_allclose(found, whole[k, rows.columns[n]], atol=1e-12)
     meets = [rows.corners[rows.meets[k] : rows.meets[k + 1]] for k in range(particles)]
     assert all((corners.ravel()[one] == k).all() for k, one in enumerate(meets)) and len(rows.corners) == corners.size
-
-
-def test_refusals() -> None:
-    with pytest.raises(SceneError, match="newton"):
-        load_scene("lab-grid").replace({"method.solver": "newton"})
-    with pytest.raises(SceneError, match="fused"):
-        open_simulation(bar(), kernel="stages")

@@ -13,13 +13,12 @@ from cloth_solve import cloth
 
 from softlab.app.driver import open_simulation
 from softlab.bench.reference import mass_spring
-from softlab.model.base.errors import SceneError
 from softlab.model.base.variant import plain_formulas
 from softlab.model.core.build import build
 from softlab.model.core.families import stability_limit
-from softlab.model.core.integrators import IMPLICIT, INTEGRATORS, amplification_matrix, integrators_for
+from softlab.model.core.integrators import IMPLICIT, amplification_matrix
 from softlab.model.core.simulation import State
-from softlab.model.scene.scene import Scene, load_scene
+from softlab.model.scene.scene import Scene
 
 EXACT = {"precision": "float64", "math": "exact"}
 STIFF = {
@@ -213,15 +212,6 @@ def test_sums_over_masses_are_taken_in_their_order() -> None:
         expected = [running(products[n : n + SEGMENT], LANES) for n in range(0, columns, SEGMENT)]
         assert parts.tolist() == expected
         assert found == running(expected, TREE)
-
-
-def test_what_it_cannot_be_run_with_is_refused() -> None:
-    scene = cloth(4, 4, **STIFF, **method(0.01))
-    assert set(integrators_for(scene)) == {*INTEGRATORS, *IMPLICIT}
-    with pytest.raises(SceneError, match="fused for implicit-euler"):
-        open_simulation(scene, "cpu", kernel="stages")
-    with pytest.raises(SceneError, match="applies to a cloth"):
-        load_scene("lab-grid").replace({"method.integrator": "implicit-euler"})
 
 
 def test_the_matrix_of_a_stretched_spring_is_the_forces_derivative() -> None:

@@ -34,8 +34,8 @@ from softlab.model.assets.baked import baked, body_key
 from softlab.model.assets.clusters import Clusters, matching_factor
 from softlab.model.assets.material import Material, even
 from softlab.model.assets.skin import make_skin
-from softlab.model.assets.soft_body import MATERIAL, RigidBody, SoftBody
-from softlab.model.base.errors import InputError, SceneError
+from softlab.model.assets.soft_body import MATERIAL, SoftBody
+from softlab.model.base.errors import InputError
 from softlab.model.base.variant import plain_formulas
 from softlab.model.formulas.shape_matching import deformation, pace
 from softlab.model.geometry.normals import mesh_normals
@@ -242,21 +242,3 @@ def test_parameters_are_written_where_they_say_something_and_bake_nothing(tmp_pa
         assert made.parts == {"plastic"} and (made.material.limit == 0.5).all()
     assert baked(soft, Shape(name="beam"), folder=tmp_path).clusters.material is None
     assert len(list(tmp_path.iterdir())) == 1
-
-
-@pytest.mark.parametrize(
-    "fields,word",
-    [
-        ({"linear": 1.5}, "linear"),
-        ({"plastic_threshold": 0.1}, "plastic_creep: must be over 0"),
-        ({"plastic_creep": 1.0, "plastic_limit": 1.0}, "plastic_limit"),
-        ({"cluster_damping": -1.0}, "cluster_damping"),
-    ],
-)
-def test_what_is_no_material_is_refused(fields: dict[str, float], word: str) -> None:
-    with pytest.raises(SceneError, match=word):
-        bodies_scene(bar=BAR | fields)
-    with pytest.raises(SceneError):
-        bodies_scene(brick=BRICK | fields)
-    with pytest.raises(SceneError):
-        RigidBody.from_mesh(Shape(name="beam").mesh(), particle_spacing=0.3, **fields)

@@ -29,7 +29,6 @@ from softlab.bench.reference import shape_matching as reference
 from softlab.model.assets.baked import baked
 from softlab.model.assets.lattice import Lattice
 from softlab.model.assets.soft_lattice import SoftLattice
-from softlab.model.base.errors import InputError, SceneError
 from softlab.model.geometry.shapes import Shape
 from softlab.model.particles import body_set
 
@@ -205,24 +204,6 @@ def test_the_body_and_its_report(tmp_path: Any) -> None:
     assert made.report == again.report and made.report.mass == pytest.approx(500 * 0.06)
     assert (made.report.particles, made.report.interior, made.report.members) == (60, 3 * 2 * 1, (8, 27))
     assert np.abs(made.position).max(axis=0) == pytest.approx([0.2, 0.15, 0.1])
-
-
-@pytest.mark.parametrize(
-    "fields,told",
-    [
-        ({"shape": {"name": "torus"}}, "no box along the axes"),
-        ({"link_radius": 0.2}, "does not apply to a lattice"),
-        ({"volume_sampling": 2.0}, "does not apply to a lattice"),
-        ({"region": 0}, "region"),
-        ({"region": 1.5}, "region"),
-        ({"shape": {"name": "star", "sides": [1.0, 1.0, 1.0]}}, "scale"),
-        ({"shape": {"name": "box", "sides": [1.0, 0.0, 1.0]}}, "greater than 0"),
-        ({"particle_spacing": 0.004, "region": 10}, "at most 2147483647"),
-    ],
-)
-def test_bad_input(fields: dict[str, Any], told: str) -> None:
-    with pytest.raises((SceneError, InputError), match=told):
-        bodies_scene(body=block() | fields).body_set  # noqa: B018 - the body set bakes the bodies
 
 
 @pytest.mark.parametrize(

@@ -24,7 +24,7 @@ from bodies_scenes import (
 
 from softlab.bench.reference import shape_matching as reference
 from softlab.model.assets.soft_sheet import SoftSheet
-from softlab.model.base.errors import InputError, SceneError
+from softlab.model.base.errors import InputError
 from softlab.model.geometry.shapes import Shape
 from softlab.model.particles.links import LinkedCopies, make_links
 from softlab.model.scene.scene import Scene
@@ -138,22 +138,6 @@ def test_a_sheet_hangs_over_a_ball() -> None:
     length = np.linalg.norm(position[links.ends[:, 0]] - position[links.ends[:, 1]], axis=1)
     assert np.abs(length / links.rest_length - 1).max() < 0.1
     assert abs(position[:, 1].max() - (-0.03)) < 0.02 and position[:, 1].min() < -0.2
-
-
-@pytest.mark.parametrize(
-    "change,field",
-    [
-        ({"volume_sampling": 1.0}, "volume_sampling"),
-        ({"link_radius": 0.3}, "link_radius"),
-        ({"cluster_radius": 0.01}, "cluster_radius"),
-        ({"cluster_spacing": 0.01}, "cluster_spacing"),
-        ({"shape": {"name": "sheet", "resolution": 999}}, "resolution"),
-        ({"link_stiffness": -1.0}, "link_stiffness"),
-    ],
-)
-def test_what_a_sheet_cannot_be_is_told(change: dict[str, Any], field: str) -> None:
-    with pytest.raises(SceneError, match=field):
-        bodies_scene(sheet=SHEET | change).body_set  # noqa: B018
 
 
 def test_a_mesh_without_triangles_is_told() -> None:

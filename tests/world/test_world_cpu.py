@@ -6,11 +6,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from world_scenes import BLOCK, BY_VERTICES, JELLY, METHOD, PARTS, SHEET, moving, world_scene
+from world_scenes import BY_VERTICES, METHOD, PARTS, moving, world_scene
 
 from softlab.app.driver import open_simulation
 from softlab.bench.reference import world as reference
-from softlab.model.base.errors import SceneError
 from softlab.model.contact.self_contact_parameters import MAX_CONTACTS
 from softlab.model.core.simulation import State
 from softlab.model.scene.scene import Scene
@@ -78,18 +77,6 @@ def test_tetrahedra_by_vertices_give_what_they_take() -> None:
         assert given[1] < -0.1 * float((m * np.abs(begin.velocity)).sum())
         lost.append(float(np.abs(change.sum(axis=0)).max() / np.abs(given).max()))
     assert lost[0] < 2e-3 and lost[1] < 0.5 * lost[0]
-
-
-@pytest.mark.parametrize(
-    "tables,why",
-    [
-        ({"jelly": JELLY, "cloth": SHEET}, "applies to tetrahedral bodies; this scene has none"),
-        ({"block": BLOCK, "jelly": JELLY, "cloth": SHEET}, "by xpbd only"),
-    ],
-)
-def test_what_has_no_vertices_to_descend_is_refused(tables: dict[str, Any], why: str) -> None:
-    with pytest.raises(SceneError, match=why):
-        Scene(tables | {"method": METHOD | {"tetrahedra": "vbd"}}).members  # noqa: B018
 
 
 def momentum(scene: Scene, state: State, member: str) -> np.ndarray:
