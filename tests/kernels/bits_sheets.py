@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any
 
@@ -397,7 +397,10 @@ def touching_sheets() -> Iterator[Row]:
             )  # fmt: skip
     method = {"solver": "xpbd", "dt": 1 / 60, "substeps": 3, "iterations": 1}
     yield Row("folded", partial(folded, method=method), {SIMULATOR: 2}, on_cpu=STAGES, usual={SIMULATOR: DOUBLE})
-    yield Row("folded strip", partial(folded, 10, 5, 4), {CPU: 5}, on_cpu=STAGES, usual={CPU: SINGLE})
+    method = method | {"substeps": 4, "iterations": 2}
+    for name, ordering in (("folded strip", "gauss-seidel"), ("folded strip jacobi", "jacobi")):
+        scene = partial(folded, 10, 5, 4, method=method | {"ordering": ordering})
+        yield Row(name, scene, {CPU: 6}, on_cpu=STAGES, usual={CPU: SINGLE}, without=partial(without_contacts, scene))
     placed = {"origin": [0.0, 0.05, 0.0], "restitution": 0.4}
     for name, make in FALLING.items():
         kernels = {"bar": LAUNCHED, "implicit-euler": ONE}.get(name, ("launch",))
@@ -412,6 +415,11 @@ def touching_sheets() -> Iterator[Row]:
             f"release {name}", partial(release_scenes.release_scene, name), {SIMULATOR: 8, GPU: 8}, more=(),
             usual={SIMULATOR: DOUBLE if name not in ("world", "newton") else ()}, **only,
         )  # fmt: skip
+
+
+def without_contacts(make: Callable[[], Scene]) -> Scene:
+    """The same without its contacts."""
+    return Scene({name: table for name, table in make().as_dict().items() if name != "self_collision"})
 
 
 # ---------------------------------------------------------------------- fluids

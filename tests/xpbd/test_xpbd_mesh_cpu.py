@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from mesh_scenes import HELD, PARTS, POKE, SHEET, mesh_scene
+from mesh_scenes import HELD, PARTS, POKE, SHEET, mesh_scene, moving
 
 from softlab.app.driver import open_simulation
 from softlab.bench.reference import xpbd_mesh as reference
@@ -23,17 +23,9 @@ def masses(scene: Scene) -> np.ndarray:
     return vertex_masses(scene.mesh)
 
 
-def start(scene: Scene) -> State:
-    """Its own beginning, moving: differently at every vertex."""
-    body = build(scene)
-    velocity = np.random.default_rng(3).normal(0, 0.1, body.position.shape)
-    velocity[body.pinned] = 0
-    return State(body.position, velocity, body.inverse_mass, 0.0, 0)
-
-
 def run(scene: Scene, steps: int = STEPS, **options: Any) -> State:
     options = {"precision": "float64", "math": "exact", "threads": 1} | options
-    with open_simulation(scene, "cpu", live=["poke"], initial=start(scene), **options) as simulation:
+    with open_simulation(scene, "cpu", live=["poke"], initial=moving(scene), **options) as simulation:
         simulation.poke(*POKE)
         simulation.advance(steps)
         return simulation.state()
