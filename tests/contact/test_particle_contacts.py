@@ -10,10 +10,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from bodies_scenes import AWAY, POKE, SAMPLED, bodies_scene, end_state, lone_points, method, opened, same, start
+from bodies_scenes import AWAY, SAMPLED, bodies_scene, end_state, lone_points, method, opened, start
 from meeting_bodies import meeting, neighbours
 
-from softlab.bench.reference import shape_matching as reference
 from softlab.bench.reference.contact.particle_contacts import Contacts
 from softlab.cpu_backend.contact.particles import ParticleContacts
 from softlab.model.base.errors import Diverged
@@ -78,20 +77,6 @@ def test_kinds_and_copies_are_told_apart() -> None:
 
 
 # ---------------------------------------------------------------------- whole steps
-
-
-@pytest.mark.parametrize("precision,exponent", [("float64", 0), ("float32", 29)])
-def test_against_the_reference_and_the_same_bits_everywhere(precision: str, exponent: int) -> None:
-    """16 substeps of 2 iterations of 2 sweeps over some 5 contacts of ten roundings of 1 m each, and what velocities carry on
-    grows with the square of their number: 16^2 x 4 x 50 x 1.1e-16 m. Velocities are that over h."""
-    scene = meeting()
-    position, velocity = reference.simulate(scene, STEPS, poke=(POKE[0], np.array(POKE[1])))
-    first = end_state(scene, poked=True, kernel="stages", precision=precision, steps=STEPS)
-    assert np.abs(first.position - position).max() < 6e-12 * 2.0**exponent
-    assert np.abs(first.velocity - velocity).max() < 6e-12 * 2.0**exponent / 0.005
-    for kernel, threads in [("stages", 3), ("fused", 1), ("fused", 2), ("fused", 5)]:
-        other = end_state(scene, poked=True, kernel=kernel, threads=threads, precision=precision, steps=STEPS)
-        assert same(first, other), (kernel, threads)
 
 
 def test_no_number_is_told() -> None:

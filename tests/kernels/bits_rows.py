@@ -35,6 +35,7 @@ from test_matching import everything as matched_grid
 from test_matching import jelly
 from test_vbd_contact import on_slope, pair, rest_of
 
+from softlab.bench.experiments import body_scenes
 from softlab.model.core.state import State
 from softlab.model.scene.scene import Scene
 
@@ -332,5 +333,20 @@ def bouncing() -> Iterator[Row]:
     yield Row("rebound among soft ones", among_soft_ones, {SIMULATOR: 4, GPU: 40})
 
 
-FAMILIES = tetrahedra, by_vertices, newton, surfaces, worlds, bodies, touching
+def worst() -> Iterator[Row]:
+    """Hard cases of bodies."""
+    of, kernels = body_scenes, ("launch",)
+    for how in ("into a point", "mirrored"):
+        squashed = partial(of.meeting, body=of.SOFT)
+        begin = partial(of.changed, change=of.CHANGED[how])
+        yield Row(f"worst {how}", squashed, {GPU: 200}, begin, kernels=kernels)
+    for name, scene, steps in (
+        ("shot", partial(of.shot, 0.125, of.BRICK, 25.0, 0.03), 200), ("stack", partial(of.stack, 4), 100),
+        ("inside", partial(of.inside_each_other, of.SOFT, of.BRICK, (0.02, 0.1, 0.03)), 100),
+        ("heap", partial(of.heap, 8, 4), 200),
+    ):  # fmt: skip
+        yield Row(f"worst {name}", scene, {GPU: steps}, kernels=kernels)
+
+
+FAMILIES = tetrahedra, by_vertices, newton, surfaces, worlds, bodies, touching, worst
 ROWS: tuple[Row, ...] = (*(row for family in FAMILIES for row in family()), *SHEETS_AND_FLUIDS)

@@ -72,7 +72,7 @@ def rows() -> Iterator[Near]:
     impacts: two substeps, some hundred operations on 1 m.
     Folds: 30 substeps of some hundred roundings of lengths under 1 m, which contacts forget rather than let grow.
     Meshes: a few thousand operations on lengths of 1 m, which rigid constraints and colliders magnify little in 4 steps.
-    Worlds: some thousand operations on lengths of 0.3 m, after some dozen projections; the slopes of water divide by distances.
+    Worlds: some thousand operations on lengths of 0.3 m, after some dozen projections; slopes of water divide by distances.
     """
     by_name = {row.name: row for row in ROWS}
     h = 0.005

@@ -99,15 +99,6 @@ def test_stages_follow_the_reference(name, bullet, steps):
     assert np.abs(state.velocity - velocity).max() < 4e-13 / scene.method.dt
 
 
-def test_fast_math_stays_near_exact():
-    """Contraction and approximate reciprocal roots: some 2^-22 of an acceleration (k L0 / m = 1000 m/s^2 at most) a step,
-    summed over 30 steps without growth: dt^2 * 1000 * 2^-22 * 30^2 / 2 < 1e-6 m, and rounding of 1 m coordinates besides."""
-    scene = table(9, 33, **SPRINGS)
-    exact = stepped(scene, kernel="fused", precision="float32", threads=1)
-    fast = stepped(scene, kernel="fused", precision="float32", threads=2, math="fast")
-    assert 0 < np.abs(fast.position - exact.position).max() < 1e-6 + 30 * 2**-23
-
-
 def test_normals_are_those_of_the_triangles():
     """Against model/geometry/normals.py in float64: a unit vector from differences of coordinates of 1 m over cells of 0.1
     m loses three or four bits of 24 to each of some ten roundings; and a flat sheet's point up, a mass alone has none."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 from math import atan, hypot, sqrt
 from typing import Any
 
-import numba
 import numpy as np
 import pytest
 from cloth_scenes import POKE, cloth_scene
@@ -137,28 +136,6 @@ def test_energy_falls_at_a_hundred_times_the_explicit_limit(name: str) -> None:
     forces = mass_spring.simulate(scene.replace({"method.integrator": "semi-implicit-euler", "method.dt": 1e-6}), 1,
                                   state.position, np.zeros_like(state.velocity))[1] / 1e-6  # fmt: skip
     assert np.abs(forces).max() < 1e-3 * 9.81
-
-
-@pytest.mark.parametrize("integrator", IMPLICIT)
-def test_any_number_of_threads_and_batches_gives_the_same_bits(integrator: str) -> None:
-    """Everything at once, in rows of more than one segment and in more rows than threads; and a live step size."""
-    for rows, columns in ((9, 6), (5, 300)):
-        scene = cloth_scene("everything", integrator, rows=rows, columns=columns)
-        states = []
-        for threads, batches in ((1, (6,)), (2, (1, 2, 0, 3)), (3, (6,)), (8, (6,))):
-            if threads > numba.config.NUMBA_NUM_THREADS:
-                continue
-            with open_simulation(scene, "cpu", threads=threads, math="exact", live=("dt",)) as simulation:
-                for steps in batches:
-                    simulation.advance(steps)
-                simulation.set("method.dt", 3 * scene.method.dt)
-                simulation.advance(2)
-                states.append((simulation.state(), simulation.implicit.done.tolist()))
-        for state, done in states[1:]:
-            assert done == states[0][1]
-            assert np.array_equal(state.position, states[0][0].position)
-            assert np.array_equal(state.velocity, states[0][0].velocity)
-    assert done[1] >= 8 and done[2] > 8
 
 
 def test_float32_stops_at_rounding_and_follows_float64() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from .mistake import Mistake, in_file
 
 GRID = "test_cpu_reference.py::test_each_kick_takes_the_random_force_of_its_own_step_and_pins_stay_at_rest test_cpu_reference.py::test_odd_grids_free test_cpu_reference.py::test_odd_grids_pinned"
+NEAR = "test_near.py::test_states_are_the_references"
 BITS = "simulator/test_simulated_bits.py::test_kernels_have_the_bits_of_the_cpu"
 SIMULATED_GRID = f"simulator/test_simulated_gpu.py::test_the_first_mass_that_left_the_finite_world_is_found {BITS}[grid-over-blocks-lab-float64] {BITS}[grid-over-blocks-semi-implicit-euler-float64] {BITS}[grid-busy-velocity-verlet-float32] {BITS}[grid-busy-rk4-float64] {BITS}[grid-busy-lab-float32]"
 SIMULATED_CLOTH = f"{BITS}[cloth-springs-float64] {BITS}[cloth-random-float64] {BITS}[cloth-1x5-float64]"
@@ -117,7 +118,7 @@ CPU: tuple[Mistake, ...] = (
     ),
     *in_file(
         "cpu_backend/shape_matching/particles.py",
-        "test_bodies_solver.py",
+        f"{NEAR}[bodies-float64]",
         {
             "bodies move with twice the substep (cpu)": ("inverse = parameters.inverse_substep\n", "inverse = parameters.inverse_substep + parameters.inverse_substep\n"),
         },
@@ -147,7 +148,7 @@ CPU: tuple[Mistake, ...] = (
     ),
     *in_file(
         "model/core/own_forces.py",
-        "test_bodies_solver.py",
+        f"{NEAR}[bodies-float64]",
         {"a body's poke is along x alone": ("parameters.poke_y if poked else 0.0", "parameters.poke_x if poked else 0.0")},
     ),
     *in_file(
@@ -232,7 +233,7 @@ GPU: tuple[Mistake, ...] = (
     ),
     *in_file(
         "cpu_backend/contact/surfaces_find.py",
-        "test_cloth_beside.py::test_states_are_the_references",
+        f"{NEAR}[tetrahedra-on-a-cloth-float64]",
         {"a cloth has an inside": ("if inside and (owned[triangle] >> SHEET) & 1 != 0:", "if inside and triangle < 0:")},
     ),
     *in_file(

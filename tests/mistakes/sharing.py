@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from .mistake import Mistake, in_file
 
-WORLD = "test_world_cpu.py::test_states_are_the_references"
+NEAR = "test_near.py::test_states_are_the_references"
+WORLD = f"{NEAR}[world-jelly-on-a-block-float64] {NEAR}[world-two-on-a-pinned-block-float64] {NEAR}[world-jelly-on-a-cloth-float64] {NEAR}[world-all-float64]"
 FLUID = "test_shares.py::test_shares_have_the_bits_of_one[dam-in-float64-3]"
 BAR = "test_shares.py::test_shares_have_the_bits_of_one[bar-3]"
 

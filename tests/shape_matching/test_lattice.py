@@ -8,8 +8,6 @@ import numpy as np
 import pytest
 from bodies_scenes import (
     BAR,
-    POKE,
-    STEPS,
     block,
     blocks,
     bodies_scene,
@@ -54,21 +52,6 @@ def test_tables_are_the_windows(counts: tuple[int, int, int], region: int) -> No
     away = (clusters.rest_centre - lattice.positions()) / 0.1
     grids = np.meshgrid(z.centre, y.centre, x.centre, indexing="ij")
     np.testing.assert_allclose(away, np.stack([grid.ravel() for grid in grids[::-1]], axis=1), atol=1e-12)
-
-
-@pytest.mark.parametrize("precision,exponent", [("float64", 0), ("float32", 29)])
-def test_against_the_reference_and_the_same_bits_everywhere(precision: str, exponent: int) -> None:
-    """10 substeps of 2 iterations, as the test of bodies."""
-    scene = blocks()
-    position, velocity = reference.simulate(scene, STEPS, poke=(POKE[0], np.array(POKE[1])))
-    first = end_state(scene, poked=True, kernel="stages", precision=precision)
-    assert np.abs(first.position - position).max() < 2e-12 * 2.0**exponent  # of up to 4 m
-    assert np.abs(first.velocity - velocity).max() < 2e-12 * 2.0**exponent / 0.005
-    assert (first.position[:, 1] < 0.1).any() and first.rotation is not None
-    assert len(scene.body_set.lattices) == 2 and scene.body_set.loose.count == 3
-    for kernel, threads in KERNELS:
-        other = end_state(scene, poked=True, kernel=kernel, threads=threads, precision=precision)
-        assert same(first, other), (kernel, threads)
 
 
 @pytest.mark.parametrize("counts,region", SHAPES[2:])

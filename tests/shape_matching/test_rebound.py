@@ -40,19 +40,6 @@ def energy(scene: Scene, velocity: np.ndarray) -> float:
 # ---------------------------------------------------------------------- whole steps
 
 
-@pytest.mark.parametrize("precision,exponent", [("float64", 0), ("float32", 29)])
-def test_against_the_reference_and_the_same_bits_everywhere(precision: str, exponent: int) -> None:
-    """A brick of 28 particles on its corner, 40 substeps of ten roundings of 1 m, which what velocities carry on sums to half
-    the square of their number: 800 x 10 x 1.1e-16 m; velocities are 2 / h of that."""
-    scene = dropped(0.7, angle=40.0, height=0.4, speed=4.0, static_friction=0.3, dynamic_friction=0.2)
-    position, velocity = reference.simulate(scene, 20)
-    first = end_state(scene, kernel="stages", precision=precision, steps=20)
-    assert np.abs(first.position - position).max() < 9e-13 * 2.0**exponent
-    assert np.abs(first.velocity - velocity).max() < 2 * 9e-13 * 2.0**exponent / 0.005
-    for threads in (1, 3):
-        assert same(first, end_state(scene, precision=precision, steps=20, threads=threads))
-
-
 def test_among_soft_bodies_and_contacts() -> None:
     """As in test_particle_contacts.py; only the brick is answered as a whole."""
     scene = among_soft_ones()
