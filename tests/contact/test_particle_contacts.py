@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from bodies_scenes import AWAY, SAMPLED, bodies_scene, end_state, lone_points, method, opened, start
+from bodies_scenes import SAMPLED, bodies_scene, end_state, lone_points, method, opened, start
 from meeting_bodies import meeting, neighbours
 
 from softlab.bench.reference.contact.particle_contacts import Contacts
@@ -130,18 +130,6 @@ def test_a_body_that_meets_nobody_is_left_alone() -> None:
     assert np.array_equal(end_state(avoiding).position[: len(expected)], expected)
 
 
-def test_bricks_stand_on_each_other() -> None:
-    """Three of 0.25 m: after 2 s each is where it was, but for what the contacts give in a substep under the weight above:
-    g h^2 x 3, of the part of the particles that touch, a quarter."""
-    brick = BRICK | {"origin": [0.0, 0.125, 0.0], "copies": [1, 3, 1], "apart": [1.0, 0.25, 1.0]}
-    ground = AWAY | {"point": [0.0, 0.0, 0.0], "thickness": 0.0625}
-    scene = bodies_scene(
-        brick=brick, plane=ground, contact={"maximum_speed": 1e3, "sleeping_speed": 1e-30}, method=method(4, 1)
-    )
-    moved = end_state(scene, steps=200).position - scene.body_set.position
-    assert np.abs(moved[:, [0, 2]]).max() < 1e-3 and -moved[:, 1].min() < 3 * 4 * 9.81 * (0.01 / 4) ** 2 * 3
-
-
 PROJECTIONS = pytest.mark.parametrize("iterations,sweeps", [(1, 1), (4, 1), (1, 4), (2, 3)])
 
 
@@ -214,14 +202,6 @@ def test_more_neighbours_than_are_kept_are_counted() -> None:
 
 
 # ---------------------------------------------------------------------- the catalogue's
-
-
-def test_the_catalogues_stack_stands() -> None:
-    scene = load_scene("rigid-stack")
-    with opened(scene, precision="float32", live=()) as simulation:
-        simulation.advance(60)
-        moved = simulation.state().position - scene.body_set.position
-    assert np.abs(moved).max() < 0.005
 
 
 def test_the_catalogues_letters_stick() -> None:

@@ -1,12 +1,10 @@
 """A grid on several CPU ranks: pokes, divergences, lost ranks, what cannot be shared (bits: test_shares.py)."""
 
 import pytest
-from shares import alone, same, shared
 
-from softlab.app.driver import open_simulation
 from softlab.cpu_backend.domains.in_threads import Meeting, ThreadRanks, run_in_threads
 from softlab.cpu_backend.domains.ranks import RankSimulation, shared_threads
-from softlab.model.base.errors import BackendUnavailable, Diverged
+from softlab.model.base.errors import BackendUnavailable
 from softlab.model.core.options import Options
 from softlab.model.core.simulation import State
 from softlab.model.domains.simulation import cut
@@ -25,39 +23,6 @@ SCENES = {
 def scene_of(name, rows=16, columns=5):
     settings = {"grid.rows": rows, "grid.columns": columns, "method.dt": 0.005, **SCENES[name]}
     return load_scene("lab-grid").replace(settings)
-
-
-def test_a_force_held_on_one_mass_reaches_its_window():
-    scene = scene_of("lab")
-
-    def program(ranks):
-        with RankSimulation(scene, Options(math="exact", live=frozenset({"poke", "gravity"})), ranks, 1) as simulation:
-            simulation.poke(60, (0.5, -0.25))  # row 12: of the second rank, in no other's window
-            simulation.advance(5)
-            simulation.set("gravity.enabled", False)
-            simulation.poke(None)
-            simulation.advance(5)
-            return simulation.state()
-
-    with open_simulation(scene, threads=1, math="exact", live=("poke", "gravity")) as one:
-        one.poke(60, (0.5, -0.25))
-        one.advance(5)
-        one.set("gravity.enabled", False)
-        one.poke(None)
-        one.advance(5)
-        wanted = one.state()
-    for found in run_in_threads(2, program, patience=60):
-        assert same(found, wanted)
-
-
-def test_they_diverge_where_one_does():
-    """Twice the limit of the step size: the same first bad step and particle are named."""
-    scene = scene_of("lab").replace({"method.dt": 0.07})
-    with pytest.raises(Diverged) as of_one:
-        alone(scene, 4000, allow_unstable=True)
-    with pytest.raises(Diverged) as of_two:
-        shared(scene, 2, 4000)
-    assert (of_two.value.step, of_two.value.particle) == (of_one.value.step, of_one.value.particle)
 
 
 def test_a_lost_rank_is_an_error_and_no_hang():

@@ -109,24 +109,6 @@ def test_a_solver_that_a_backend_has_not_is_left_out(monkeypatch: pytest.MonkeyP
         assert (summary.measured, summary.rows) == (0, [])
 
 
-def test_verdicts_go_into_the_store_and_the_table(capsys: pytest.CaptureFixture[str]) -> None:
-    from rich.console import Console
-
-    from softlab.bench.stress.report import print_hard
-
-    with Store(":memory:") as store:
-        how: dict[str, Any] = {
-            "cases": ["B23 bar"], "integrators": ["newton"], "precisions": ["float64"], "backends": ["cpu"]
-        }  # fmt: skip
-        summary = run_hard(store, progress=False, pictures=False, **how)
-        assert [(row.verdict, row.integrator, row.kind) for row in summary.rows] == [("pass", "newton", "tetrahedra")]
-        again = run_hard(store, progress=False, pictures=False, **how)
-        assert (again.measured, again.stored) == (0, 1)
-    print_hard(Console(width=200), summary)
-    told = capsys.readouterr().out
-    assert "B23 bar" in told and "newton" in told and "1 passed" in told
-
-
 def test_claims_follow_the_numbers(monkeypatch: pytest.MonkeyPatch) -> None:
     def row(case: str, precision: str, verdict: str, **checks: float) -> HardRow:
         told = tuple(StoredCheck(NUMBERS[name], value, "", "") for name, value in checks.items())

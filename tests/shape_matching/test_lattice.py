@@ -150,20 +150,6 @@ def test_plastic_bodies_beside_lattices() -> None:
     assert same(end_state(scene, steps=2, start=half), end_state(scene, steps=6))
 
 
-def test_contacts_and_spares_beside_lattices() -> None:
-    scene = bodies_scene(
-        body=block((4, 4, 4), 1, copies=(1, 2, 1), apart=(0.0, 0.41, 0.0), spare=1, origin=[0.0, 0.2, 0.0]),
-        plane={"point": [0.0, 0.0, 0.0], "thickness": 0.05}, contact={}, method=method(2, 1, 1 / 60),
-    )  # fmt: skip
-    with opened(scene, threads=2) as simulation:
-        simulation.advance(30)
-        there = ~scene.body_set.waiting
-        assert np.ptp(simulation.state().position[there, 1]) > 0.6  # one stands on the other
-        simulation.add_body("body", origin=(0.0, 1.5, 0.0))
-        simulation.advance(30)
-        assert np.isfinite(simulation.state().position).all()
-
-
 def test_skins_follow_their_own_clusters() -> None:
     """Lattices come first in the scene and last among clusters: at the start each matrix takes its body from the mesh's frame
     to where the copy is."""
