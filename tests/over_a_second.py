@@ -127,7 +127,6 @@ test_physics_hard.py *cpu-B6-lab? *cpu-B6-velocity* *cpu-B7?mirrored-lab? test_h
 test_physics_point.py test_free_fall?cpu-float32-stages-rk4-0.0?
 test_physics_statics.py test_two_corner*
 test_pools.py test_workers_by_submitit test_slurm*
-test_ranks.py test_they_diverge_where_one_does
 test_rebound.py test_two_that_meet* test_among* test_it_comes*
 test_recomputed.py test_no_printed_sentence_rests_on_nothing_but_marked_times_silently test_the_gpu_against_the_cpu?False?
 test_reference.py test_control_values_of_the_accuracy_scenes?lab-hammock-total1-corn* test_the_error_estimate_is_honest
@@ -197,9 +196,6 @@ test_xpbd_laws.py test_a_rigid_rope_is_too_long_by_h_squared?cpu-jacobi?
     test_mass_ratio*cpu-100* test_error_against*S1-0.01-4* test_error_against*S1-0.000625* test_error_against*S1-0.01-20*
     test_error_against*S2*
 test_xpbd_reference_hard.py test_mass_ratio_1000?10-10-gauss-seidel-9.75? test_mass_ratio_1000?100-1-gauss-seidel-1.01?
-test_xpbd_reference_sheets.py test_error_against_the_motion_of_the_springs?S1-0.0025-1-0.00537?
-    test_error_against_the_motion_of_the_springs?S1-0.01-1-0.0709?
-    test_error_against_the_motion_of_the_springs?S2-0.0025-1-0.00768?
-    test_error_against_the_motion_of_the_springs?S2-0.01-4-0.0274? test_momentum_of_a_free_cloth?ascending?
+test_xpbd_reference_sheets.py test_momentum_of_a_free_cloth?ascending?
     test_orderings_agree_when_converged?True?
 """)

@@ -93,20 +93,6 @@ def test_a_bar_within_a_hundredth_in_one_substep_a_frame() -> None:
     assert abs(off["newton order 2"]) < 0.01 < 0.1 < abs(off["newton"])
 
 
-def test_it_flies_as_it_should() -> None:
-    """Free fall is a parabola: exactly, at second order. A body that flies as a whole keeps its shape."""
-    scene = second(newton_scene("fixed-corotated", body=BODY | {"pinned": []}))
-    with open_simulation(scene, precision="float64", math="exact") as simulation:
-        begin = simulation.state()
-        velocity = np.broadcast_to([0.5, 1.0, -0.2], begin.position.shape)
-        simulation.load(State(begin.position, velocity, begin.inverse_mass, 0.0, 0))
-        simulation.advance(10)
-        state = simulation.state()
-    fall, time = np.array([0, -scene.gravity.acceleration, 0]), state.time
-    assert time == pytest.approx(0.1)
-    np.testing.assert_allclose(state.position, begin.position + time * velocity + time**2 / 2 * fall, atol=1e-9)
-
-
 def everything() -> Scene:
     """Two bodies with dampers of all kinds, one hung up by springs, a force that changes with the step."""
     scene = kinematic_scene(

@@ -22,7 +22,7 @@ from closed_meshes import rotation as rotation_by
 from softlab.app.output.files import read_state, write_state
 from softlab.app.render.bodies.skinning import ClusterFrames
 from softlab.app.render.particle_colours import cluster_colours
-from softlab.bench.experiments.body_scenes import FLOOR, ULP, centre, masses
+from softlab.bench.experiments.body_scenes import FLOOR, ULP, masses
 from softlab.bench.reference import shape_matching as reference
 from softlab.model.assets.baked import baked
 from softlab.model.assets.lattice import Lattice
@@ -97,33 +97,15 @@ def test_reading_states_and_going_on(tmp_path: Any) -> None:
 
 
 @pytest.mark.parametrize("precision", ["float64", "float32"])
-def test_momentum_is_kept(precision: str) -> None:
-    """Linear momentum of a lattice that is stretched, shaken and spinning: 40 substeps of 2 iterations, each of which rounds
-    places of 1 m a hundred times at most, the same way at worst. Angular momentum of one that springs back from rest: in an
-    iteration, whose ways are from where its masses were."""
-    scene = bodies_scene(gravity=0.0, body=block((6, 5, 4), 2), method=method(2, 2, 0.005))
+def test_one_iteration_keeps_angular_momentum(precision: str) -> None:
+    """Of a lattice that springs back from rest, whose displacements are from where its masses were: of places of 1 m, which
+    are rounded a hundred times at most, the same way at worst."""
+    scene = bodies_scene(gravity=0.0, body=block((6, 5, 4), 2), method=method(1, 1, 0.0025))
     at, m, random = scene.body_set.position, masses(scene), np.random.default_rng(5)
-    rounded = 100 * ULP[precision] / 0.0025  # m/s of a substep
-    moving = random.normal(0, 0.5, at.shape) + np.cross([3.0, 1.0, 2.0], at) + [0.4, 0.2, -0.3]
     strained = 1.1 * at + random.normal(0, 0.005, at.shape)
-    v = end_state(scene, steps=20, start=start(scene, strained, moving), precision=precision).velocity.astype(float)
-    assert np.abs(centre(scene, v) - centre(scene, moving)).max() < 40 * rounded
-    assert np.abs(v - moving).max() > 0.1  # it is not that nothing happened
-
-    once = bodies_scene(gravity=0.0, body=block((6, 5, 4), 2), method=method(1, 1, 0.0025))
-    v = end_state(once, steps=1, start=start(once, strained), precision=precision).velocity.astype(float)
-    assert np.abs(np.sum(np.cross(strained, m * v), axis=0)).max() < rounded * m.sum()
+    v = end_state(scene, steps=1, start=start(scene, strained), precision=precision).velocity.astype(float)
+    assert np.abs(np.sum(np.cross(strained, m * v), axis=0)).max() < 100 * ULP[precision] / 0.0025 * m.sum()
     assert np.abs(v).max() > 0.1
-
-
-def test_float32_loses_nothing_far_away() -> None:
-    """At rest 100 m from the origin a lattice stays as still as at the origin, but for the rounding of its places."""
-    still = {}
-    for x in (0.0, 100.0):
-        scene = bodies_scene(gravity=0.0, body=block((8, 6, 5), 2, origin=[x, 0.0, 0.0]), method=method(1, 1, 0.01))
-        end = end_state(scene, precision="float32", steps=100)
-        still[x] = np.abs(end.position - scene.body_set.position).max()
-    assert still[100.0] < 100 * 2.0**-24 * 8 and still[0.0] < 2.0**-24 * 8
 
 
 def test_a_stiff_lattice_turns_as_a_whole() -> None:
