@@ -218,7 +218,7 @@ THINNED = {
     "test_accuracy_s6.py", "test_accuracy_xpbd.py", "test_b1.py", "test_b1_limits.py", "test_bodies_solver.py",
     "test_cloth_assembly.py", "test_cloth_colliders.py", "test_cloth_cpu.py", "test_cloth_orders.py",
     "test_cloth_reference.py", "test_contact_restitution.py", "test_contacts.py", "test_contacts_scenes.py",
-    "test_contacts_solver.py", "test_cpu_reference.py", "test_distance_field_cloths.py", "test_hard_bodies.py",
+    "test_cpu_reference.py", "test_distance_field_cloths.py", "test_hard_bodies.py",
     "test_hard_cloth.py", "test_hard_xpbd.py", "test_implicit.py", "test_implicit_newton.py", "test_iterations.py",
     "test_links.py", "test_matching.py", "test_motion.py", "test_motion_scenes.py", "test_no_trace_ptx.py",
     "test_particle_contacts.py", "test_ptx.py", "test_rebound.py", "test_rotation.py", "test_simulated_contacts.py",
