@@ -54,7 +54,6 @@ test_shares.py *hundreds*
 test_shared_fluid.py *too_thin?averaged* *too_thin?smoothed*
 test_fluid_advice.py test_a_scene_is_ablated* test_an_answer_is_run*
 test_fluid_physics.py *
-test_divergence_physics.py *
 test_archimedes.py *
 test_fluid_vessels.py test_what_a_cup* test_a_splash*
 test_compiled.py *fluid*
