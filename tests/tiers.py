@@ -125,7 +125,7 @@ test_contacts_scenes.py test_layers*
 test_surface_contacts_scenes.py test_a_heap_comes* test_the_creature*
 test_links.py test_a_sheet_hangs*
 test_distance_field_scenes.py *mill
-test_vbd_cpu.py test_b21*neo* test_b21*recovers?corotated*
+test_tetrahedra_cpu.py test_b21*neo*vbd? test_b21*recovers?corotated*vbd?
 test_vbd_chebyshev.py test_a_stiff*
 test_vbd_contact.py test_a_belt* *60.0? test_surfaces_keep*
 test_bodies_rest.py test_the_catalogues*

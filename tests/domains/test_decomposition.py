@@ -18,7 +18,10 @@ REACHES = [
     Stencil(rows=4, more=2, unit=4, parts=6),
 ]
 
-SIZES, COUNTS, STEPS = st.integers(1, 400), st.integers(1, 40), st.none() | st.integers(1, 20)
+CUTS = given(
+    rows=st.integers(1, 400), count=st.integers(1, 40), steps=st.none() | st.integers(1, 20),
+    reach=st.sampled_from(REACHES),
+)  # fmt: skip
 
 
 def cut(rows, count, reach, steps=None):
@@ -29,12 +32,7 @@ def cut(rows, count, reach, steps=None):
         return None
 
 
-@given(
-    rows=st.integers(1, 400),
-    count=st.integers(1, 40),
-    steps=st.none() | st.integers(1, 20),
-    reach=st.sampled_from(REACHES),
-)
+@CUTS
 def test_every_row_has_one_owner(rows, count, steps, reach):
     found = cut(rows, count, reach, steps)
     if found is None:
@@ -45,12 +43,7 @@ def test_every_row_has_one_owner(rows, count, steps, reach):
     assert max(sizes) - min(sizes) <= 2 * reach.unit - 1  # a unit, and rows that are no whole one
 
 
-@given(
-    rows=st.integers(2, 400),
-    count=st.integers(2, 40),
-    steps=st.none() | st.integers(1, 20),
-    reach=st.sampled_from(REACHES),
-)
+@CUTS
 def test_an_exchange_fills_every_halo_with_what_its_neighbour_owns(rows, count, steps, reach):
     found = cut(rows, count, reach, steps)
     if found is None:
@@ -70,12 +63,7 @@ def test_an_exchange_fills_every_halo_with_what_its_neighbour_owns(rows, count, 
         assert domain.window_first % reach.unit == 0
 
 
-@given(
-    rows=st.integers(2, 400),
-    count=st.integers(2, 40),
-    steps=st.none() | st.integers(1, 20),
-    reach=st.sampled_from(REACHES),
-)
+@CUTS
 def test_the_halo_lasts_until_the_next_exchange(rows, count, steps, reach):
     """What is bad spreads by `reach.rows` rows an evaluation of the forces, and once by `reach.more`, from each cut edge."""
     found = cut(rows, count, reach, steps)
