@@ -63,7 +63,6 @@ test_bodies_hard.py test_a_soft_body_finds*plane-float32?
 test_surface_contacts.py test_cubes_that_collide*
 test_kinematic.py test_an_end_that_is_driven*
 test_attachments.py test_two_free_bodies*
-test_cloth_reference.py *rk4-cpu?
 test_stability_figures.py *draw_stiffness?
 test_labbook.py *keeps_its_length*  # draws every figure of the committed measurements
 # ten to twenty seconds each, most of them of compiling; what they run is held against its judge by default, too

@@ -143,7 +143,7 @@ def surfaces() -> Iterator[Row]:
     yield Row("smooth surfaces", smooth_ones, {SIMULATOR: 1}, begin, usual={SIMULATOR: ("float64",)})
     of = beside_scenes
     for name, make, precision in (("on a cloth", of.on_cloth, "float32"), ("tied", of.tied, "float64")):
-        usual = {CPU: () if name == "tied" else (precision,), SIMULATOR: (precision,)}
+        usual = {SIMULATOR: (precision,)}
         yield Row(
             f"tetrahedra {name}", make, {CPU: 2, SIMULATOR: 1, GPU: 20}, of.crumpled_state, usual=usual,
             without=partial(make, contact=None),
@@ -329,7 +329,7 @@ def bouncing() -> Iterator[Row]:
     yield Row("bounces alike", lambda: alike, {SIMULATOR: 3}, kernels=("launch",))
     floor = {"static_friction": 0.3, "dynamic_friction": 0.2}
     rebound = partial(dropped, 0.7, angle=40.0, height=0.4, speed=4.0, **floor)
-    yield Row("rebound", rebound, {CPU: 20, SIMULATOR: 6, GPU: 40}, usual=few | {CPU: ("float64",)})
+    yield Row("rebound", rebound, {CPU: 20, SIMULATOR: 6, GPU: 40}, usual=few)
     yield Row("rebound among soft ones", among_soft_ones, {SIMULATOR: 4, GPU: 40})
 
 
