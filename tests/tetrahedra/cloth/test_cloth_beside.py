@@ -32,9 +32,6 @@ def run(scene: Scene, steps: int = 2, initial: State | None = None, **options: A
         return simulation.state()
 
 
-# ---------------------------------------------------------------------- the reference, and bits
-
-
 # ---------------------------------------------------------------------- laws
 
 
