@@ -25,7 +25,7 @@ test_bar.py test_a_jelly_bar_swings_as_its_clusters_say?cpu? test_springs_are_a_
     test_springs_are_a_chain?cpu-xpbd-32-implicit_frequency?
 test_bar_told.py test_figures_are_drawn_or_say_why_not test_backends_are_held_against_each_other
 test_bars_of_peers.py test_an_answer_that_takes_too_long_is_not_waited_for
-test_bits.py *crowded-float32? *tetrahedra-tied-float64? *xpbd-attached-float64? *vbd-slope-float64?
+test_bits.py *crowded-float32? *xpbd-attached-float64? *vbd-slope-float64?
 test_bodies_hard.py test_a_ball_inside_a_body_pushes_it_out_in_place test_another_body_stops* test_a_hit_keeps_linear*
     test_what_goes_too_far* test_what_begins_inside* test_a_hit_keeps_angular* test_a_soft_body_finds* test_a_plane_stops*
 test_bodies_rest.py test_what_was_dropped* test_bodies_that_were* test_a_heap_of_eight* test_a_brick_bears*
@@ -33,20 +33,15 @@ test_bodies_rest.py test_what_was_dropped* test_bodies_that_were* test_a_heap_of
 test_bodies_run.py test_the_catalogue_is_readable_at_80_columns
 test_claims_by_hand.py test_wrong_answers_change_no_sentence
 test_cli.py test_what_only_tells?doctor? test_what_only_tells?scenes?
-test_cloth_beside.py test_the_weight_of_what_rests_on_a_cloth_arrives_at_its_pins test_states_are_the_references?tied?
+test_cloth_beside.py test_the_weight_of_what_rests_on_a_cloth_arrives_at_its_pins
     test_a_box_slides*
-test_cloth_cpu.py test_every_collider_and_part*
 test_cloth_orders.py test_orders?rk4?with?all-reference? test_orders?verlet?damped-reference? test_orders*semi* test_holds*
-test_cloth_reference.py test_backends_are_the_reference?velocity-verlet-cpu?
-    test_backends_are_the_reference?explicit-euler-cpu? test_backends_are_the_reference?lab-cpu?
-    test_backends_are_the_reference?taylor-cpu? test_hanging_column?cpu? test_one_damped_spring?shear-ends1-cpu?
+test_cloth_reference.py test_hanging_column?cpu? test_one_damped_spring?shear-ends1-cpu?
     test_springs_and_their_dampers_keep_both_momenta?semi-implicit-euler-*
 test_compiled.py test_fast_math_stays_near_exact?grid? test_machine_code_gives_the_bits_of_its_source?jelly?grid?
     test_machine_code_gives_the_bits_of_its_source?cloth? test_machine_code_gives_the_bits_of_its_source?grid?in?teams?
     test_machine_code_gives_the_bits_of_its_source?grid?in?tiles? test_machine_code_gives_the_bits_of_its_source?grid,?rk4?
     test_machine_code_gives_the_bits_of_its_source?xpbd?
-test_contact_restitution.py test_whole_steps*float64*
-test_contacts_solver.py test_a_folded_strip_that_falls_follows_the_reference?gauss-seidel?
 test_cpu_assembly.py test_loops_along_rows_take_packed_roots_alone?tiled-float32-fast?
     test_loops_along_rows_take_packed_roots_alone?fused-float32-exact?
     test_loops_along_rows_take_packed_roots_alone?fused-float32-fast?
@@ -99,7 +94,6 @@ test_kernel_sweep.py test_a_kernel_that_breaks_is_skipped_with_its_reason
 test_kinematic.py test_a_body_s_own_damping_is_a_terminal_speed?xpbd? test_a_body_that_moves_as_its_end_does_goes_on_so?xpbd?
 test_lattice.py test_sums_along_axes_are_direct_sums?counts1-3? test_sums_along_axes_are_direct_sums?counts3-2?
 test_libuipc_442.py test_other_solvers*
-test_links.py test_against_the_reference_and_the_same_bits_everywhere?float64-0?
 test_machine_code.py test_machine_code_is_a_proof*
 test_matter.py test_two_halves_that_are_drawn_give_as_springs_in_series_do test_every_solver* test_a_body_with_a_limit*
 test_mesh_collider.py test_a_cloth_falls_on_it?cpu?
@@ -116,8 +110,6 @@ test_offscreen.py test_missing_libraries_are_named_with_a_remedy?pyglet.gl-Libra
     test_missing_libraries_are_named_with_a_remedy?pyglet.window-Libra* test_the_renderer_says_its_name
 test_orders.py test_order_of_each*rk4* test_linear_lattice*rk4* test_published_errors*rk4*
 test_panel_drawing.py test_a_frame_covers_its_column_and_nothing_else?light?
-test_particle_contacts.py test_against_the_reference_and_the_same_bits_everywhere?float32-29?
-    test_against_the_reference_and_the_same_bits_everywhere?float64-0?
 test_partitions.py *vbd*
 test_peers_blocked.py test_the_quickest_tile_is_kept_and_what_cannot_be_opened_left_out
     test_the_source_compiles_for_a_real_architecture?64x128h4?of?16?wa*
@@ -135,7 +127,6 @@ test_physics_hard.py *cpu-B6-lab? *cpu-B6-velocity* *cpu-B7?mirrored-lab? test_h
 test_physics_point.py test_free_fall?cpu-float32-stages-rk4-0.0?
 test_physics_statics.py test_two_corner*
 test_pools.py test_workers_by_submitit test_slurm*
-test_ranks.py test_they_diverge_where_one_does
 test_rebound.py test_two_that_meet* test_among* test_it_comes*
 test_recomputed.py test_no_printed_sentence_rests_on_nothing_but_marked_times_silently test_the_gpu_against_the_cpu?False?
 test_reference.py test_control_values_of_the_accuracy_scenes?lab-hammock-total1-corn* test_the_error_estimate_is_honest
@@ -170,9 +161,7 @@ test_surface_contacts.py test_a_body_meets_itself_where_it_says_so
     test_bodies_that_are_far* test_what_begins_inside*
 test_surface_levers.py test_none_of_ten_thousand_contacts_gains_energy*
 test_sweep_on_many.py test_a_sweep_that_is_killed*
-test_tetrahedra_cpu.py test_b21_a_body_out_of_all_shape_recovers?corotated-flat?
-    test_b21_a_body_out_of_all_shape_recovers?fixed-corotated-flat?
-    test_b21_a_body_out_of_all_shape_recovers?neo-hookean-flat?
+test_tetrahedra_cpu.py test_b21*flat-xpbd? test_b21*vbd?
 test_tetrahedra_meshes.py test_a_swing*
 test_tetrahedra_peer.py test_it_is_asked_and_checked test_its_states_are_the_lab_s?float32-2e-05-tetrahedra?
 test_tetrahedra_reference.py test_at_rest_is_where_steps_come_to_rest?1?
@@ -183,7 +172,6 @@ test_toys.py test_a_constraint_limits_stretches_alone test_an_integrator_falls_a
     test_one_entry_and_every_solver_has_it
 test_turns.py test_a_lock*
 test_vbd_contact.py test_a_cube_lands_without_more_energy_and_rests_as_high_as_its_mes* test_what_friction* test_what_slides*
-test_vbd_cpu.py test_b21*
 test_vbd_reference.py test_a_step_is_the_judges?corotated-0.01-0.0?
 test_vertex_timing.py test_a_way_that_cannot_be_had_has_its_reason
 test_viewer.py test_dragging_pulls_a_mass_to_the_pointer_and_lets_go test_importing_the_drawing_loads_no_pyglet
@@ -193,10 +181,8 @@ test_voxel_mesh.py test_whole_voxels_are_found_whatever_rounding_makes_of_them
 test_voxel_pieces.py test_pieces_and_what_joins_them_are_those_that_counting_finds?0?
     test_pieces_and_what_joins_them_are_those_that_counting_finds?2?
     test_pieces_and_what_joins_them_are_those_that_counting_finds?3?
-test_wet_worlds.py test_states_are_the_references?cloth? test_states_are_the_references?tetrahedra?
-    test_states_are_the_references?bodies?that?meet? test_states_are_the_references?bodies?
 test_world_cpu.py test_members_that_nothing_couples_move_as_each_alone?all-float32?
-    test_members_that_nothing_couples_move_as_each_alone?jelly?on?a?block* test_states_are_the_references?all?
+    test_members_that_nothing_couples_move_as_each_alone?jelly?on?a?block*
     test_tetrahedra_by_vertices* test_momentum*
 test_xpbd_cpu.py test_members*
 test_xpbd_cpu_reference.py test_attachments_hold_every_mass test_stages_follow_the_reference?air-gauss-seidel?
@@ -206,11 +192,5 @@ test_xpbd_laws.py test_a_rigid_rope_is_too_long_by_h_squared?cpu-jacobi?
     test_a_rigid_rope_is_too_long_by_h_squared?cpu-gauss-seidel? test_mass_ratio_1000?cpu-1-20-gauss-seidel-191?
     test_mass_ratio*cpu-100* test_error_against*S1-0.01-4* test_error_against*S1-0.000625* test_error_against*S1-0.01-20*
     test_error_against*S2*
-test_xpbd_mesh_cpu.py test_states_are_the_references?volume?
-test_xpbd_reference_hard.py test_mass_ratio_1000?10-10-gauss-seidel-9.75? test_mass_ratio_1000?100-1-gauss-seidel-1.01?
-test_xpbd_reference_sheets.py test_error_against_the_motion_of_the_springs?S1-0.0025-1-0.00537?
-    test_error_against_the_motion_of_the_springs?S1-0.01-1-0.0709?
-    test_error_against_the_motion_of_the_springs?S2-0.0025-1-0.00768?
-    test_error_against_the_motion_of_the_springs?S2-0.01-4-0.0274? test_momentum_of_a_free_cloth?ascending?
-    test_orderings_agree_when_converged?True?
+test_xpbd_reference_sheets.py test_orderings_agree_when_converged?True?
 """)

@@ -30,7 +30,7 @@ COMPILED = {
     "test_xpbd_cpu_reference.py": "test_fast_math*",
     "test_tetrahedra_meshes.py": "test_a_swing*", "test_damping_load.py": "test_weight* test_a_run_notes_a_sag*",
     "test_newton.py": "*",  # statics take hundreds of steps
-    "test_newton_order.py": "test_orders* test_a_swing* test_a_bar* test_any_number*",
+    "test_newton_order.py": "test_orders* test_a_swing* test_a_bar*",
     "test_findings_costs.py": "test_a_wrong_answer*",  # repeats in `fast` math, whose bits are those of machine code
     "test_kernel_keys.py": "test_a_distance_field*",  # plain Python makes no calls of compiled functions to record
     "test_kernel_cache.py": "*", "test_rotation.py": "*",  # machine code itself, a hundred thousand matrices
@@ -50,12 +50,10 @@ COMPILED = {
 ONLY_THOROUGH = table("""
 test_laws_fast.py *
 test_mpi.py test_processes* test_two* test_a_div* test_bad_input*arguments[2-6]*  # processes, seconds each
-test_wet_worlds.py test_states_are_the_references?all?
 test_shares.py *hundreds*
 test_shared_fluid.py *too_thin?averaged* *too_thin?smoothed*
 test_fluid_advice.py test_a_scene_is_ablated* test_an_answer_is_run*
 test_fluid_physics.py *
-test_divergence_physics.py *
 test_archimedes.py *
 test_fluid_vessels.py test_what_a_cup* test_a_splash*
 test_compiled.py *fluid*
@@ -65,7 +63,6 @@ test_bodies_hard.py test_a_soft_body_finds*plane-float32?
 test_surface_contacts.py test_cubes_that_collide*
 test_kinematic.py test_an_end_that_is_driven*
 test_attachments.py test_two_free_bodies*
-test_cloth_reference.py *rk4-cpu?
 test_stability_figures.py *draw_stiffness?
 test_labbook.py *keeps_its_length*  # draws every figure of the committed measurements
 # ten to twenty seconds each, most of them of compiling; what they run is held against its judge by default, too
@@ -82,16 +79,14 @@ test_compiled.py *cloth,?rk4* *cloth,?implicit* *xpbd,?jacobi* *xpbd,?averaged* 
     *meets?itself* *give?way* *cloth?in?stages* *xpbd?in?stages* *mesh?in?stages* *rk4?in?stages*
     *blocks?in?stages*
     *body?on?a?field* test_fast_math*cloth? test_fast_math*jelly* test_fast_math*mesh?
-test_cpu_reference.py test_fast_math* *published*rk4* *published*velocity-verlet*
-test_cloth_cpu.py test_fast_math*
+test_cpu_reference.py *published*rk4* *published*velocity-verlet*
 test_xpbd_cpu_reference.py test_fast_math*
 test_cpu_assembly.py *fused-float64-fast*
 test_cloth_assembly.py *
 test_xpbd_assembly.py *
-test_implicit.py test_order_one_against* test_float32_stops* test_any_number*
+test_implicit.py test_float32_stops*
     test_energy_falls*
-test_lattice.py test_against_the_reference_and_the_same* test_contacts_and_spares* test_float32_loses*
-test_b1.py test_kernels*shape5? test_kernels*shape4?
+
 test_peers_compared.py test_what_approaches*
 test_peers_sheets.py test_iterations_approach*
 test_no_trace.py *velocity-verlet-parts2*float64* *lab-parts0*float64?
@@ -107,9 +102,8 @@ test_reference.py test_rk4*-2.0?
 test_shapes.py *octopus-4* *letters*
 test_stability.py test_the_measured_edge*rk4* test_the_measured_edge*taylor*
 test_xpbd_laws.py test_small_steps_rope* test_tethers*
-test_xpbd_reference_hard.py test_small_steps_rope
 test_xpbd_reference_sheets.py test_first_order*along*
-test_rebound.py test_bodies_that_meet* test_a_brick_that_lands*
+test_rebound.py test_bodies_that_meet*
 test_surfaces3d.py *closed*mesh2*
 # processes that import the whole lab, and time with it
 test_pools.py test_workers_by_dask test_workers_by_slurm test_a_dask_worker* test_two_real_workers*
@@ -130,16 +124,16 @@ test_contacts_scenes.py test_layers*
 test_surface_contacts_scenes.py test_a_heap_comes* test_the_creature*
 test_links.py test_a_sheet_hangs*
 test_distance_field_scenes.py *mill
-test_vbd_cpu.py test_b21*neo* test_b21*recovers?corotated*
+test_tetrahedra_cpu.py test_b21*neo*vbd? test_b21*recovers?corotated*vbd?
 test_vbd_chebyshev.py test_a_stiff*
 test_vbd_contact.py test_a_belt* *60.0? test_surfaces_keep*
 test_bodies_rest.py test_the_catalogues*
 test_bodies_hard.py test_a_soft_body_finds*plane-float64?
 test_mesh_collider_scenes.py test_jelly_stays* test_more_triangles*
 test_motion_scenes.py test_the_twisted_sheet*
-test_particle_contacts.py test_bricks_stand* test_the_catalogues*
+test_particle_contacts.py test_the_catalogues*
 test_spare.py test_what_leaves*
-test_contact_restitution.py test_a_swarm* test_whole_steps*float32*
+test_contact_restitution.py test_a_swarm*
 test_mesh.py *hundred_and_sixty*
 test_side_by_side.py test_the_clocks*
 test_view3d_demo.py test_a_pulled_cloth*
@@ -149,7 +143,7 @@ test_element_projections.py test_larger_bars* test_quick_is*
 test_advise_tetrahedra.py test_measured_bars* test_what_is_advised* test_stiff_bars*
 test_tetrahedra_experiment.py test_both_errors*
 test_tetrahedra_meshes.py test_a_swing*newton?
-test_hard_tetrahedra.py test_the_laws*newton* test_the_laws*B2[23]* test_verdicts*
+test_hard_tetrahedra.py test_the_laws*newton* test_the_laws*B2[23]*
 test_kinematic.py *newton? *vbd?
 test_attachments.py *newton? *vbd? *newton-0.001? *vbd-0.0?
 test_matter.py *vbd?
@@ -180,13 +174,11 @@ test_plan.py test_a_stage_that_does_more*
 test_simulated_scatter.py test_the_cost*
 test_simulated_hard.py *A10?rigid*
 test_simulated_hard.py *B16* *B20-float*
-test_simulated_particle_contacts.py test_contacts_happen*
 test_simulated_lattice.py test_windows_in_turn*
 # the same again in plain Python or on a CPU's machine code: a value fewer, a second judge, a picture
 test_bodies_catalogue.py test_bodies_fall*cloth-on-jelly? test_what_waits*
-test_rebound.py test_against*float32-29? test_against*float64-0? test_two_that_meet*1.0-3000.0?
+test_rebound.py test_two_that_meet*1.0-3000.0?
 test_hard_bodies.py test_they_are_listed* *A10?mirrored* *A10?inside* *S7?4-float32?
-test_hard_cloth.py test_the_contact_sheet*
 test_physics_hard.py *cpu-B1?hanging-velocity-verlet?
 test_physics_conservation.py *elastic_pendulum*cpu-rk4*
 test_reference.py test_rk4*0.03-1.0?
@@ -224,7 +216,7 @@ THINNED = {
     "test_accuracy_s6.py", "test_accuracy_xpbd.py", "test_b1.py", "test_b1_limits.py", "test_bodies_solver.py",
     "test_cloth_assembly.py", "test_cloth_colliders.py", "test_cloth_cpu.py", "test_cloth_orders.py",
     "test_cloth_reference.py", "test_contact_restitution.py", "test_contacts.py", "test_contacts_scenes.py",
-    "test_contacts_solver.py", "test_cpu_reference.py", "test_distance_field_cloths.py", "test_hard_bodies.py",
+    "test_cpu_reference.py", "test_distance_field_cloths.py", "test_hard_bodies.py",
     "test_hard_cloth.py", "test_hard_xpbd.py", "test_implicit.py", "test_implicit_newton.py", "test_iterations.py",
     "test_links.py", "test_matching.py", "test_motion.py", "test_motion_scenes.py", "test_no_trace_ptx.py",
     "test_particle_contacts.py", "test_ptx.py", "test_rebound.py", "test_rotation.py", "test_simulated_contacts.py",

@@ -35,20 +35,6 @@ def test_a_camera_changes_the_picture_and_not_the_scene() -> None:
     assert plane.scale == 50 and plane.target.tolist() == [1, 2]
 
 
-@pytest.mark.parametrize(
-    ("table", "words"),
-    [
-        ({"yaw": 10.0}, "camera.yaw = 10.0: applies to a scene in space"),
-        ({"size": -1.0}, "camera.size = -1.0: must be greater than 0"),
-        ({"zoom": 1.0}, "camera.zoom.*unknown key"),
-        ({"pitch": 90.0}, "camera.pitch = 90.0: must be at most 89"),
-    ],
-)
-def test_bad_cameras_are_refused(table: dict[str, Any], words: str) -> None:
-    with pytest.raises(SceneError, match=words):
-        Scene(SCENE.as_dict() | {"camera": table})
-
-
 def test_bad_options_are_refused(tmp_path: Path) -> None:
     for text in ("12", "10x10", "640x", "ax4", "640x480x3", "640x99999999"):
         with pytest.raises(SceneError, match="--size"):

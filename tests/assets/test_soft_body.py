@@ -216,11 +216,6 @@ def test_parameters_that_cannot_be(fields, field, words):
     assert refused.value.field == field
 
 
-def test_a_spacing_must_be_given():
-    with pytest.raises(SceneError, match="particle_spacing: must be given"):
-        SoftBody.from_mesh(ball())
-
-
 SAMPLED = ("volume_sampling", "surface_sampling")
 NUMBER = st.floats(1e-3, 3.0) | st.sampled_from([0.0, 0.05, 0.2])
 

@@ -10,10 +10,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from bodies_scenes import POKE, bodies_scene, end_state, lone_points, opened, same
+from bodies_scenes import bodies_scene, end_state, lone_points, opened
 from meeting_bodies import meeting
 
-from softlab.bench.reference import shape_matching as reference
 from softlab.bench.reference.contact import particle_contacts as judge
 from softlab.cpu_backend.contact.particles import ParticleContacts
 from softlab.model.base.errors import SceneError
@@ -74,22 +73,6 @@ def test_velocities_are_the_references_and_keep_momenta() -> None:
         np.testing.assert_allclose(now, expected, rtol=0, atol=32 * 10 * 10 * 2.0**-53)
         change = (now - velocity) / checked.weight[:, None]
         assert np.abs(change.sum(axis=0)).max() < 1e-13 and np.abs(np.cross(place, change).sum(axis=0)).max() < 1e-13
-
-
-@pytest.mark.parametrize("precision,exponent", [("float64", 0), ("float32", 29)])
-def test_whole_steps_and_the_same_bits_everywhere(precision: str, exponent: int) -> None:
-    """As in test_particle_contacts.py."""
-    scene = meeting(restitution=0.6)
-    position, velocity = reference.simulate(scene, STEPS, poke=(POKE[0], np.array(POKE[1])))
-    first = end_state(scene, poked=True, kernel="stages", precision=precision, steps=STEPS)
-    without = scene.replace({"contact.restitution": 0.0})
-    _, slower = reference.simulate(without, STEPS, poke=(POKE[0], np.array(POKE[1])))
-    assert np.abs(velocity - slower).max() > 0.1
-    assert np.abs(first.position - position).max() < 6e-12 * 2.0**exponent
-    assert np.abs(first.velocity - velocity).max() < 6e-12 * 2.0**exponent / 0.005
-    for threads in (1, 2, 5):
-        other = end_state(scene, poked=True, kernel="fused", threads=threads, precision=precision, steps=STEPS)
-        assert same(first, other), threads
 
 
 def test_the_formula_is_the_papers() -> None:

@@ -44,16 +44,6 @@ def test_jelly_stays_above_the_mesh() -> None:
     assert ways[:, 1].min() > 0
 
 
-@pytest.mark.gpu
-def test_soft_on_mesh_has_the_cpus_bits_on_a_gpu() -> None:
-    from bodies_scenes import end_state, same
-
-    scene = load_scene("soft-on-mesh")
-    expected = end_state(scene, precision="float32", steps=80, threads=2)
-    for kernel in ("graph", "stages"):
-        assert same(end_state(scene, "gpu", precision="float32", kernel=kernel, steps=80), expected), kernel
-
-
 def test_what_cannot_be_a_collider_is_told_apart(tmp_path: Path) -> None:
     points, faces = FLOOR
     bad = {

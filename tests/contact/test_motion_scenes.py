@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from itertools import pairwise
 from math import cos, log2, pi
-from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +13,6 @@ from test_motion import ends
 
 from softlab.app.driver import open_simulation
 from softlab.bench.reference import cloth as reference_cloth
-from softlab.model.base.errors import SceneError
 from softlab.model.base.pins import PIN_WORDS, pin_indices
 from softlab.model.contact.cloth_parameters import body_rows
 from softlab.model.core.build import build
@@ -85,35 +83,3 @@ def test_a_motion_that_moves_nothing_leaves_nothing() -> None:
     })  # fmt: skip
     assert "motion" not in cloth_plan(idle).parts and "motion" in cloth_plan(Scene(tables)).parts
     assert body_rows(idle, build(idle), np.float32)[0].size == 0
-
-
-@pytest.mark.parametrize(
-    ("change", "what"),
-    [
-        ({"pins": [[1, 1]]}, r"jerk\.pins.*\[1, 1\] is not pinned"),
-        ({"pins": "left"}, r"jerk\.pins.*\[1, 0\] is not pinned"),
-        ({"pins": [[7, 0]]}, r"jerk\.pins.*outside the sheet; rows are 0 to 6"),
-        ({"pins": [[3, 2]]}, r"spin\.pins.*\[3, 2\] already follows jerk"),
-        ({"pins": []}, r"jerk\.pins.*must name a mass"),
-        ({"pins": "none"}, r"jerk\.pins.*must name a mass"),
-        ({"pins": "sides"}, r"jerk\.pins.*left-right"),
-        ({"pins": [[0, 0.5]]}, r"jerk\.pins.*\[\[row, column\]"),
-        ({"axis": [0.0, 0.0, 0.0]}, r"jerk\.axis.*must not be zero"),
-        ({"axis": [1.0, 0.0]}, r"jerk\.axis"),
-        ({"angular_velocity": float("inf")}, r"jerk\.angular_velocity"),
-        ({"angular_velocity": 1e12, "duration": 1.0}, r"jerk\.angular_velocity.*at most 1e\+09"),
-        ({"duration": 0.0}, r"jerk\.duration.*greater than 0"),
-        ({"start": -1.0}, r"jerk\.start.*at least 0"),
-        ({"speed": 1.0}, r"jerk\.speed.*unknown key"),
-        ({"velocity": [1e39, 0.0, 0.0]}, "jerk.*float32 cannot hold it; use float64"),
-    ],
-)
-def test_motions_that_cannot_be_are_refused(change: dict[str, Any], what: str) -> None:
-    tables = cloth_scene("moving", "lab").as_dict()
-    with pytest.raises(SceneError, match=what):
-        open_simulation(Scene(tables | {"jerk": tables["jerk"] | change}), precision="float32")
-
-
-def test_a_grid_has_no_motions() -> None:
-    with pytest.raises(SceneError, match="belongs to a cloth"):
-        Scene({"grid": {"rows": 3, "columns": 3, "pinned": "top"}, "motion": {"pins": "top"}})

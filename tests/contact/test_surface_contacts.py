@@ -266,16 +266,3 @@ def test_what_surfaces_do_not_know_is_refused(changes: dict[str, Any], field: st
     with pytest.raises(SceneError) as error:
         meeting(one=box(), **changes)
     assert error.value.field == field
-
-
-def test_a_body_that_meets_itself_needs_contacts_and_particles_have_no_distance() -> None:
-    with pytest.raises(SceneError, match="add a table"):
-        Scene({"one": box(self_collision=True)}, "alone")
-    with pytest.raises(SceneError, match="particles have a radius"):
-        Scene(
-            {
-                "one": {"kind": "soft_body", "shape": {"name": "star"}, "particle_spacing": 0.1},
-                "contact": {"distance": 0.1},
-            },
-            "particles",
-        )

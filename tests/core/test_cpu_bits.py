@@ -7,11 +7,9 @@ import pytest
 
 from softlab.app.driver import open_simulation
 from softlab.cpu_backend.core.threads import thread_count
-from softlab.model.core.integrators import INTEGRATORS
 from softlab.model.core.simulation import State
 from softlab.model.scene.scene import load_scene
 
-NAMES = list(INTEGRATORS)
 PARTS = {"grid.rows": 37, "grid.columns": 29, "external.magnitude": 0.05, "external.seed": 2**40 + 7}
 
 

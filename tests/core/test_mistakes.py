@@ -10,7 +10,7 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-from mistakes.mistake import ROOT, Mistake, in_file, path_of
+from mistakes.mistake import ROOT, Mistake, mistakes_of, path_of
 from mistakes.run import HANGS, NO_TEST, NOTICED, SURVIVED, Copy, try_all
 from mistakes.table import MISTAKES
 
@@ -48,7 +48,7 @@ def test_all_floors_and_both_backends_have_some() -> None:
 
 
 def test_a_text_that_is_not_there_once_is_refused() -> None:
-    (mistake,) = in_file("file.py", "test_x.py", {"made up": ("a", "b")})
+    (mistake,) = mistakes_of({"file.py": {"test_x.py": {"made up": ("a", "b")}}})
     assert mistake.applied("xay") == "xby"
     for text in ("xyz", "xaya"):
         with pytest.raises(ValueError, match="must stand there once"):
@@ -73,19 +73,18 @@ def tree(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def test_mistakes_are_noticed_or_survive_and_the_checkout_stays(tree: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Copy, "__init__", lambda self, init=Copy.__init__: init(self, tree))
-    of_half = in_file(
-        "model/half.py", "test_half.py",
-        {
+    made = mistakes_of({"model/half.py": {
+        "test_half.py": {
             "a third": ("return x / 2", "return x / 3"),
             "not Python": ("return x / 2", "return x /"),
             "for ever": ("return x / 2", "return __import__('time').sleep(999)"),
             "unseen": ("return x\n", "return -x\n"),
         },
-    )  # fmt: skip
-    (lost,) = in_file("model/half.py", "test_half.py::test_none", {"no such test": ("return x / 2", "return x")})
+        "test_half.py::test_none": {"no such test": ("return x / 2", "return x")},
+    }})  # fmt: skip
     before = {path: path.read_bytes() for path in tree.rglob("*") if path.is_file()}
     heard: list[str] = []
-    results = try_all([*of_half, lost], timeout=15.0, tell=lambda result: heard.append(result.mistake.name))
+    results = try_all(made, timeout=15.0, tell=lambda result: heard.append(result.mistake.name))
     outcomes = {result.mistake.name: result.outcome for result in results}
     assert outcomes == {
         "a third": NOTICED, "not Python": NOTICED, "for ever": HANGS, "unseen": SURVIVED, "no such test": NO_TEST,
@@ -114,9 +113,8 @@ def test_ctrl_c_ends_what_runs_and_leaves_nothing(tree: Path, monkeypatch: pytes
 
     monkeypatch.setattr(Copy, "__init__", init)
     monkeypatch.setattr("threading.Thread.join", interrupted)
-    endless = in_file(
-        "model/half.py", "test_half.py", {"for ever": ("return x / 2", "return __import__('time').sleep(999)")}
-    )
+    sleeps = ("return x / 2", "return __import__('time').sleep(999)")
+    endless = mistakes_of({"model/half.py": {"test_half.py": {"for ever": sleeps}}})
     with pytest.raises(KeyboardInterrupt):
         try_all(endless)
     (copy,) = copies

@@ -18,7 +18,10 @@ REACHES = [
     Stencil(rows=4, more=2, unit=4, parts=6),
 ]
 
-SIZES, COUNTS, STEPS = st.integers(1, 400), st.integers(1, 40), st.none() | st.integers(1, 20)
+CUTS = given(
+    rows=st.integers(1, 400), count=st.integers(1, 40), steps=st.none() | st.integers(1, 20),
+    reach=st.sampled_from(REACHES),
+)  # fmt: skip
 
 
 def cut(rows, count, reach, steps=None):
@@ -29,12 +32,7 @@ def cut(rows, count, reach, steps=None):
         return None
 
 
-@given(
-    rows=st.integers(1, 400),
-    count=st.integers(1, 40),
-    steps=st.none() | st.integers(1, 20),
-    reach=st.sampled_from(REACHES),
-)
+@CUTS
 def test_every_row_has_one_owner(rows, count, steps, reach):
     found = cut(rows, count, reach, steps)
     if found is None:
@@ -45,12 +43,7 @@ def test_every_row_has_one_owner(rows, count, steps, reach):
     assert max(sizes) - min(sizes) <= 2 * reach.unit - 1  # a unit, and rows that are no whole one
 
 
-@given(
-    rows=st.integers(2, 400),
-    count=st.integers(2, 40),
-    steps=st.none() | st.integers(1, 20),
-    reach=st.sampled_from(REACHES),
-)
+@CUTS
 def test_an_exchange_fills_every_halo_with_what_its_neighbour_owns(rows, count, steps, reach):
     found = cut(rows, count, reach, steps)
     if found is None:
@@ -70,12 +63,7 @@ def test_an_exchange_fills_every_halo_with_what_its_neighbour_owns(rows, count, 
         assert domain.window_first % reach.unit == 0
 
 
-@given(
-    rows=st.integers(2, 400),
-    count=st.integers(2, 40),
-    steps=st.none() | st.integers(1, 20),
-    reach=st.sampled_from(REACHES),
-)
+@CUTS
 def test_the_halo_lasts_until_the_next_exchange(rows, count, steps, reach):
     """What is bad spreads by `reach.rows` rows an evaluation of the forces, and once by `reach.more`, from each cut edge."""
     found = cut(rows, count, reach, steps)
@@ -110,12 +98,6 @@ def test_a_step_that_reaches_too_far_is_shared_in_parts():
         decompose(200, 10, 2, reach, 1)
 
 
-@pytest.mark.parametrize("rows, count", [(3, 4), (1, 2), (16, 17)])
-def test_more_domains_than_rows_are_refused(rows, count):
-    with pytest.raises(SceneError, match=f"at most {rows}"):
-        decompose(rows, 5, count, Stencil())
-
-
 def test_a_share_must_hold_a_halo():
     """Runge-Kutta's step evaluates forces four times, one after another: it reads four rows beyond."""
     assert decompose(16, 5, 4, Stencil(forces=4)).halo == 4
@@ -123,12 +105,6 @@ def test_a_share_must_hold_a_halo():
         decompose(16, 5, 5, Stencil(forces=4))
     with pytest.raises(SceneError, match="use at most 1"):
         decompose(16, 5, 4, Stencil(forces=4), steps=2)
-
-
-@pytest.mark.parametrize("count, steps", [(0, None), (-1, None), (2, 0), (2, -3)])
-def test_what_is_no_number_of_them_is_refused(count, steps):
-    with pytest.raises(SceneError, match="at least 1"):
-        decompose(16, 5, count, Stencil(), steps)
 
 
 def test_one_owns_all_and_sends_nothing():

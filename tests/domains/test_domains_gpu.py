@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
+from bits_row import PRECISIONS, different
 
 from softlab.app.driver import open_simulation
 from softlab.gpu_backend.core.device import gpu_available
@@ -42,41 +45,99 @@ def end(scene: Scene, steps: int, **options: Any) -> State:
 
 
 def same(found: State, wanted: State) -> None:
-    assert np.array_equal(found.position, wanted.position)
-    assert np.array_equal(found.velocity, wanted.velocity)
+    assert not {"position", "velocity", "rotation", "plastic"} & set(different(found, wanted))
 
 
-@pytest.mark.parametrize("link", LINKS)
-@pytest.mark.parametrize("count", [2, 3, 4])
-def test_windows_have_the_bits_of_one_gpu_after_10_000_steps(count: int, link: str) -> None:
-    scene = scene_of()
-    same(end(scene, 10_000, backend="gpu", gpus=count, link=link), end(scene, 10_000, backend="gpu"))
+@dataclass(frozen=True)
+class Row:
+    """A scene after some steps: `options` of all runs, those of the one run alone, and of each that shares it."""
+
+    name: str
+    scene: Callable[[], Scene]
+    steps: int
+    shared: tuple[dict[str, Any], ...]
+    alone: dict[str, Any] = field(default_factory=lambda: {"backend": "gpu"})
+    options: dict[str, Any] = field(default_factory=dict)
 
 
-@pytest.mark.parametrize("link", LINKS)
-@pytest.mark.parametrize("integrator", [name for name in INTEGRATORS if name not in ("explicit-euler", "taylor")])
-def test_every_part_and_integrator_has_the_bits_of_the_cpu(integrator: str, link: str) -> None:
-    """Random forces are told by a mass's number in the whole grid."""
-    scene = scene_of(**{"method.integrator": integrator, "external.magnitude": 0.05})
-    same(end(scene, 500, backend="gpu", gpus=2, link=link), end(scene, 500, threads=2))
+def several(*counts: int, **more: Any) -> tuple[dict[str, Any], ...]:
+    """A run on each number of GPUs; windows are named their link."""
+    return tuple({"gpus": count, **more} for count in counts)
 
 
-@pytest.mark.parametrize("link", LINKS)
-@pytest.mark.parametrize("kernel", ["tiles", "graph", "launch", "resident", "stages"])
-def test_every_kernel_steps_a_window(kernel: str, link: str) -> None:
-    scene = scene_of(rows=300, columns=130)
-    wanted = end(scene, 200, backend="gpu")
-    for every in (1, 4, 5, 8):
-        same(end(scene, 200, backend="gpu", gpus=3, link=link, kernel=kernel, exchange_every=every), wanted)
+def windows() -> Iterator[Row]:
+    link = {"link": "flags"}
+    yield Row("10 000 steps", scene_of, 10_000, several(2, 3, 4, **link))
+    for integrator in INTEGRATORS:
+        if integrator not in (
+            "explicit-euler",
+            "taylor",
+        ):  # random forces are told by a mass's number in the whole grid
+            scene = partial(scene_of, **{"method.integrator": integrator, "external.magnitude": 0.05})
+            yield Row(f"grid {integrator}", scene, 500, several(2, **link), alone={"threads": 2})
+    for kernel in ("tiles", "graph", "launch", "resident", "stages"):
+        how = [one for every in (1, 4, 5, 8) for one in several(3, kernel=kernel, exchange_every=every, **link)]
+        yield Row(f"by {kernel}", partial(scene_of, rows=300, columns=130), 200, tuple(how))
+    for precision in PRECISIONS:  # more masses than the chip holds: tiles, 16 steps between exchanges
+        options, large = {"precision": precision}, partial(scene_of, rows=2048, columns=1500)
+        yield Row(f"large {precision}", large, 100, several(2, **link), options=options)
+        # 64 launches of four steps, captured in bands of rows of tiles, against a launch a step
+        bands, launch = ({"kernel": "tiles"},), {"backend": "gpu", "kernel": "launch"}
+        scene = partial(scene_of, rows=1500, columns=1100)
+        yield Row(f"bands {precision}", scene, 600, bands, alone=launch, options=options)
+    for name in ("cloth-hanging", "cloth-wind", "cloth-sphere"):
+        for integrator in ("velocity-verlet", "semi-implicit-euler", "rk4"):
+            settings = {"cloth.rows": 200, "cloth.columns": 61, "method.integrator": integrator, "method.dt": 1e-4}
+            yield Row(f"{name} {integrator}", partial(changed, name, settings), 500, several(3, **link))
+    for ordering in ("gauss-seidel", "jacobi", "averaged-jacobi"):  # exchanges after some substeps
+        settings = {"cloth.rows": 300, "cloth.columns": 61, "method.substeps": 6, "method.ordering": ordering}
+        how = [one for kernel in (None, "tiled", "graph") for one in several(3, kernel=kernel, **link)]
+        yield Row(f"constraints {ordering}", partial(changed, "cloth-small-steps", settings), 60, tuple(how))
 
 
-@pytest.mark.parametrize("link", LINKS)
-def test_a_large_grid_in_both_precisions(link: str) -> None:
-    """More masses than the chip holds: tiles, 16 steps between exchanges."""
-    for precision in ("float32", "float64"):
-        scene = scene_of(rows=2048, columns=1500)
-        how: dict[str, Any] = {"backend": "gpu", "precision": precision}
-        same(end(scene, 100, gpus=2, link=link, **how), end(scene, 100, **how))
+def others() -> Iterator[Row]:
+    for kernel in (None, "launch"):  # clay, putty and jelly; in turns of 64 steps, which graphs of many steps take
+        yield Row(f"bodies {kernel}", partial(changed, "plastic", {}), 1000, several(3), options={"kernel": kernel})
+    box = {"shape": {"name": "box", "sides": [0.4, 0.2, 0.2]}, "edge": 0.05, "young_modulus": 1e5, "damping": 0.01}
+    sweeps = ({}, {}, {"sweep": "tetrahedra"}, {"material": "neo-hookean"}, {"sweep": "tetrahedra"})
+    fallen = {
+        f"bar{n}": box | {"kind": "tetrahedral_body", "origin": [n, 0.3, 0.0], "spin": [n, 2.0, 0.0]} | sweep
+        for n, sweep in enumerate(sweeps)
+    }  # two of single tetrahedra, whose colours are all bodies'
+    for solver in ("xpbd", "vbd"):
+        method = {"solver": solver, "dt": 1 / 240, "substeps": 2, "iterations": 4}
+        yield Row(f"tetrahedra {solver}", partial(on_a_plane, fallen, method), 300, several(3))
+    # a dam break along the floor of a narrow tank: particles cross between slabs, which are balanced anew on the way
+    pool = {"water.size": [2.4, 0.3, 0.1], "right.point": [3, 0, 0], "front.point": [0, 0, 0.1], "method.iterations": 2}
+    bar = {"kind": "tetrahedral_body", "shape": {"name": "box", "sides": [4.0, 0.2, 0.2]}, "edge": 0.05}
+    bar |= {"young_modulus": 1e5, "damping": 0.01, "origin": [0.0, 0.3, 0.0]}
+    held = {"held": bar | {"pinned": ["left"]}}
+    single = {"single": bar | {"sweep": "tetrahedra", "spin": [1.0, 0.5, 0.0]}}
+    for precision in PRECISIONS:
+        options = {"precision": precision}
+        yield Row(f"fluid {precision}", partial(changed, "dam-break", pool), 300, several(2, 3, 4), options=options)
+        for solver, iterations in (("xpbd", 2), ("vbd", 1)):  # partitions of a mesh
+            method = {"solver": solver, "dt": 1 / 240, "substeps": 4, "iterations": iterations}
+            for bars, gpus in ((held, 4), (held | single, 3)):
+                how = several(gpus) + several(gpus, kernel="launch")
+                name = f"{len(bars)} bars {solver} {precision}"
+                yield Row(name, partial(on_a_plane, bars, method), 300, how, options=options)
+
+
+def changed(name: str, changes: dict[str, Any]) -> Scene:
+    return load_scene(name).replace(changes)
+
+
+def on_a_plane(bars: dict[str, Any], method: dict[str, Any]) -> Scene:
+    return Scene({**bars, "plane": {}, "gravity": {}, "method": method})
+
+
+@pytest.mark.parametrize("row", [pytest.param(row, id=row.name.replace(" ", "-")) for row in (*windows(), *others())])
+def test_shares_have_the_bits_of_one(row: Row) -> None:
+    scene = row.scene()
+    wanted = end(scene, row.steps, **row.options | row.alone)
+    for how in row.shared:
+        same(end(scene, row.steps, backend="gpu", **row.options | how), wanted)
 
 
 @pytest.mark.parametrize("link", LINKS)
@@ -115,86 +176,6 @@ def one_after(scene: Scene, steps: int) -> State:
     with open_simulation(scene, "gpu", math="exact") as one:
         one.advance(steps)
         return one.state()
-
-
-@pytest.mark.parametrize("link", LINKS)
-@pytest.mark.parametrize("name", ["cloth-hanging", "cloth-wind", "cloth-sphere"])
-@pytest.mark.parametrize("integrator", ["velocity-verlet", "semi-implicit-euler", "rk4"])
-def test_a_cloth_has_the_bits_of_one_gpu(integrator: str, name: str, link: str) -> None:
-    settings = {"cloth.rows": 200, "cloth.columns": 61, "method.integrator": integrator, "method.dt": 1e-4}
-    scene = load_scene(name).replace(settings)
-    same(end(scene, 500, backend="gpu", gpus=3, link=link), end(scene, 500, backend="gpu"))
-
-
-@pytest.mark.parametrize("link", LINKS)
-@pytest.mark.parametrize("ordering", ["gauss-seidel", "jacobi", "averaged-jacobi"])
-def test_a_cloth_of_constraints_has_the_bits_of_one_gpu(ordering: str, link: str) -> None:
-    """Windows exchange after some substeps; on tiles and by a launch a colour."""
-    settings = {"cloth.rows": 300, "cloth.columns": 61, "method.substeps": 6, "method.ordering": ordering}
-    scene = load_scene("cloth-small-steps").replace(settings)
-    wanted = end(scene, 60, backend="gpu")
-    for kernel in (None, "tiled", "graph"):
-        same(end(scene, 60, backend="gpu", gpus=3, link=link, kernel=kernel), wanted)
-
-
-@pytest.mark.parametrize("kernel", [None, "launch"])
-def test_bodies_in_shares_have_the_bits_of_one_gpu(kernel: str | None) -> None:
-    """Clay, putty and jelly; in turns of 64 steps, which graphs of many steps take."""
-    scene, how = load_scene("plastic"), {"backend": "gpu", "kernel": kernel}
-    found, wanted = end(scene, 1000, gpus=3, **how), end(scene, 1000, **how)
-    same(found, wanted)
-    assert np.array_equal(found.rotation, wanted.rotation) and np.array_equal(found.plastic, wanted.plastic)
-
-
-@pytest.mark.parametrize("solver", ["xpbd", "vbd"])
-def test_tetrahedra_in_shares_have_the_bits_of_one_gpu(solver: str) -> None:
-    """Five bars that fall, two of single tetrahedra, whose colours are all bodies': by whichever kernel each share takes."""
-    box = {"shape": {"name": "box", "sides": [0.4, 0.2, 0.2]}, "edge": 0.05, "young_modulus": 1e5, "damping": 0.01}
-    bars = {
-        f"bar{n}": box | {"kind": "tetrahedral_body", "origin": [n, 0.3, 0.0], "spin": [n, 2.0, 0.0]} | sweep
-        for n, sweep in enumerate(
-            [{}, {}, {"sweep": "tetrahedra"}, {"material": "neo-hookean"}, {"sweep": "tetrahedra"}]
-        )
-    }
-    method = {"solver": solver, "dt": 1 / 240, "substeps": 2, "iterations": 4}
-    scene = Scene({**bars, "plane": {}, "gravity": {}, "method": method})
-    same(end(scene, 300, backend="gpu", gpus=3), end(scene, 300, backend="gpu"))
-
-
-@pytest.mark.parametrize("precision", ["float32", "float64"])
-@pytest.mark.parametrize("count", [2, 3, 4])
-def test_a_fluid_in_slabs_has_the_bits_of_one_gpu(count: int, precision: str) -> None:
-    """A dam break along the floor of a narrow tank: particles cross between slabs, which are balanced anew on the way."""
-    pool = {"water.size": [2.4, 0.3, 0.1], "right.point": [3, 0, 0], "front.point": [0, 0, 0.1], "method.iterations": 2}
-    scene, how = load_scene("dam-break").replace(pool), {"backend": "gpu", "precision": precision}
-    same(end(scene, 300, gpus=count, **how), end(scene, 300, **how))
-
-
-@pytest.mark.parametrize("precision", ["float32", "float64"])
-@pytest.mark.parametrize("solver, iterations", [("xpbd", 2), ("vbd", 1)])
-def test_partitions_of_a_mesh_have_the_bits_of_one_gpu(solver: str, iterations: int, precision: str) -> None:
-    """A bar on four GPUs, which one steps on its chip where it fits; and two, one of single tetrahedra, on three."""
-    bar = {"kind": "tetrahedral_body", "shape": {"name": "box", "sides": [4.0, 0.2, 0.2]}, "edge": 0.05}
-    bar |= {"young_modulus": 1e5, "damping": 0.01, "origin": [0.0, 0.3, 0.0]}
-    method = {"solver": solver, "dt": 1 / 240, "substeps": 4, "iterations": iterations}
-    held, single = (
-        {"held": bar | {"pinned": ["left"]}},
-        {"single": bar | {"sweep": "tetrahedra", "spin": [1.0, 0.5, 0.0]}},
-    )
-    for bars, gpus in ((held, 4), (held | single, 3)):
-        scene = Scene({**bars, "plane": {}, "gravity": {}, "method": method})
-        how: dict[str, Any] = {"backend": "gpu", "precision": precision}
-        wanted = end(scene, 300, **how)
-        for kernel in (None, "launch"):
-            same(end(scene, 300, gpus=gpus, kernel=kernel, **how), wanted)
-
-
-@pytest.mark.parametrize("precision", ["float32", "float64"])
-def test_passes_in_bands_have_the_bits_of_a_launch_a_step(precision: str) -> None:
-    """64 launches of four steps, captured in bands of rows of tiles."""
-    scene = scene_of(rows=1500, columns=1100)
-    how: dict[str, Any] = {"backend": "gpu", "precision": precision}
-    same(end(scene, 600, kernel="tiles", **how), end(scene, 600, kernel="launch", **how))
 
 
 def two_gpus() -> bool:

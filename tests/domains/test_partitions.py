@@ -9,17 +9,15 @@ from typing import Any
 import numpy as np
 import pytest
 from shares import alone, same, shared
-from test_shared_tetrahedra import BODIES, driven, scene_of
+from test_shared_tetrahedra import BODIES, scene_of
 from test_shared_tetrahedra import METHOD as SHARED
 from tetrahedra_scenes import folder
 
-from softlab.app.driver import open_simulation
 from softlab.cpu_backend.domains.in_threads import run_in_threads
 from softlab.cpu_backend.domains.ranks import on_ranks
 from softlab.model.base.errors import SceneError
-from softlab.model.core.families import family_of
 from softlab.model.core.options import Options
-from softlab.model.core.sharing.partitions import SharedMesh, Window, partition
+from softlab.model.core.sharing.partitions import SharedMesh, Window
 from softlab.model.domains import partitioned
 from softlab.model.scene.scene import Scene, load_scene
 
@@ -48,19 +46,6 @@ def bar_in_any_order(method: dict[str, Any]) -> Scene:
     np.savez(file, position=position, tetrahedra=order.permutation(numbers[found.tetrahedra]))
     bar = {"kind": "tetrahedral_body", "file": str(file), "young_modulus": 1e4, "pinned": ["left"]}
     return scene_of("turned", turned=bar, method=method)
-
-
-def test_a_force_on_a_vertex_reaches_every_window_that_holds_it() -> None:
-    """One beside a cut, in float64; gravity is switched off meanwhile."""
-    scene, live = bars("turned", method=METHOD), frozenset({"poke", "gravity"})
-    mesh = family_of(scene).partitions
-    assert mesh is not None
-    poked = int(partition(mesh(scene), 2, "").parts[1].owned[0])
-
-    wanted = driven(poked, open_simulation(scene, threads=1, precision="float64", math="exact", live=live))
-    options = Options("float64", "exact", live=live)
-    for found in run_in_threads(2, lambda ranks: driven(poked, on_ranks(scene, options, ranks, 1)), patience=60):
-        assert same(found, wanted)
 
 
 @METHODS
@@ -100,22 +85,6 @@ def test_a_bad_vertex_is_told_by_its_number_in_the_whole() -> None:
             return simulation._first_diverged()
 
     assert run_in_threads(2, program, patience=60) == [bad, bad]
-
-
-@pytest.mark.parametrize(
-    "count, changes, said",
-    [
-        (8, {}, "beyond its neighbours.*use at most 5"),
-        (1000, {}, "use at most 5"),
-        (2, {"method.iterations": 20}, "use at most 1"),
-        (2, {"method.solver": "newton"}, 'scene.replace.*"method.solver": "xpbd"'),
-        (2, {"external.magnitude": 1.0}, "a random number for each vertex"),
-    ],
-)
-def test_what_cannot_be_cut_says_so(count: int, changes: dict[str, Any], said: str) -> None:
-    scene = load_scene("fem-cantilever").replace(changes)
-    with pytest.raises(SceneError, match=said):
-        partitioned.partitions(scene, count, None, "--ranks")
 
 
 def test_partitions_exchange_once_a_substep() -> None:

@@ -1,12 +1,10 @@
 """A grid on several CPU ranks: pokes, divergences, lost ranks, what cannot be shared (bits: test_shares.py)."""
 
 import pytest
-from shares import alone, same, shared
 
-from softlab.app.driver import open_simulation
 from softlab.cpu_backend.domains.in_threads import Meeting, ThreadRanks, run_in_threads
-from softlab.cpu_backend.domains.ranks import RankSimulation, on_ranks, shared_threads
-from softlab.model.base.errors import BackendUnavailable, Diverged, SceneError
+from softlab.cpu_backend.domains.ranks import RankSimulation, shared_threads
+from softlab.model.base.errors import BackendUnavailable
 from softlab.model.core.options import Options
 from softlab.model.core.simulation import State
 from softlab.model.domains.simulation import cut
@@ -25,39 +23,6 @@ SCENES = {
 def scene_of(name, rows=16, columns=5):
     settings = {"grid.rows": rows, "grid.columns": columns, "method.dt": 0.005, **SCENES[name]}
     return load_scene("lab-grid").replace(settings)
-
-
-def test_a_force_held_on_one_mass_reaches_its_window():
-    scene = scene_of("lab")
-
-    def program(ranks):
-        with RankSimulation(scene, Options(math="exact", live=frozenset({"poke", "gravity"})), ranks, 1) as simulation:
-            simulation.poke(60, (0.5, -0.25))  # row 12: of the second rank, in no other's window
-            simulation.advance(5)
-            simulation.set("gravity.enabled", False)
-            simulation.poke(None)
-            simulation.advance(5)
-            return simulation.state()
-
-    with open_simulation(scene, threads=1, math="exact", live=("poke", "gravity")) as one:
-        one.poke(60, (0.5, -0.25))
-        one.advance(5)
-        one.set("gravity.enabled", False)
-        one.poke(None)
-        one.advance(5)
-        wanted = one.state()
-    for found in run_in_threads(2, program, patience=60):
-        assert same(found, wanted)
-
-
-def test_they_diverge_where_one_does():
-    """Twice the limit of the step size: the same first bad step and particle are named."""
-    scene = scene_of("lab").replace({"method.dt": 0.07})
-    with pytest.raises(Diverged) as of_one:
-        alone(scene, 4000, allow_unstable=True)
-    with pytest.raises(Diverged) as of_two:
-        shared(scene, 2, 4000)
-    assert (of_two.value.step, of_two.value.particle) == (of_one.value.step, of_one.value.particle)
 
 
 def test_a_lost_rank_is_an_error_and_no_hang():
@@ -86,38 +51,6 @@ def cloth_of(name, integrator):
 @pytest.mark.parametrize("name, integrator, halo", CLOTHS)
 def test_how_far_a_step_of_a_cloth_reads(name, integrator, halo):
     assert cut(cloth_of(name, integrator), 2, 1, "--ranks").halo == halo
-
-
-def test_a_row_each_is_the_smallest_share():
-    with pytest.raises(SceneError, match="at most 4"):
-        shared(scene_of("lab", rows=4), 5, 1)
-
-
-@pytest.mark.parametrize(
-    "name, changes, said",
-    [
-        ("cloth-mesh", {}, "a position-based mesh is not supported"),
-        ("cloth-flamenco", {}, "pins anywhere"),
-        ("cloth-self", {}, "anywhere in the whole cloth collide"),
-        ("jelly-block", {}, "1 body is never cut; use 1"),
-        ("dam-break", {}, "thinner than their halo"),
-        ("fem-cantilever", {"method.iterations": 20}, "use at most 1"),
-        ("cloth-twist", {}, "moves pins"),
-        ("cloth-hanging", {"external.magnitude": 0.1}, "run the scene on one"),
-        ("cloth-hanging", {"method.integrator": "implicit-euler"}, "at once"),
-    ],
-)
-def test_what_cannot_be_shared_says_so(name, changes, said):
-    scene = load_scene(name).replace(changes)
-    with pytest.raises(SceneError, match=said):
-        run_in_threads(2, lambda ranks: on_ranks(scene, Options(), ranks), patience=5)
-
-
-def test_one_mass_of_a_cloth_is_not_pulled():
-    scene = load_scene("cloth-hanging").replace({"cloth.rows": 17, "cloth.columns": 5})
-    options = Options(live=frozenset({"poke"}))
-    with pytest.raises(SceneError, match="poke"):
-        run_in_threads(2, lambda ranks: RankSimulation(scene, options, ranks), patience=5)
 
 
 def test_threads_of_ranks_share_the_cores(monkeypatch):

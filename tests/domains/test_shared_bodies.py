@@ -5,15 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from shares import alone, same, shared
+from shares import same
 
 from softlab.app.driver import open_simulation
 from softlab.cpu_backend.domains.in_threads import run_in_threads
-from softlab.cpu_backend.domains.ranks import RankBodies, on_ranks
-from softlab.model.base.errors import Diverged, SceneError
+from softlab.cpu_backend.domains.ranks import RankBodies
 from softlab.model.core.options import Options
 from softlab.model.core.sharing.bodies import Apart, divide
 from softlab.model.core.simulation import State
@@ -69,41 +67,6 @@ def test_what_is_done_to_bodies_reaches_their_shares() -> None:
     for found in run_in_threads(2, lambda ranks: driven(RankBodies(scene, options, ranks, 1), poked), patience=60):
         assert same(found[0], one[0])
         assert all(mine.tobytes() == other.tobytes() for mine, other in zip(found[1:], one[1:], strict=True))
-
-
-def test_they_diverge_where_one_does() -> None:
-    """The last body leaves by a thousand kilometres a step, and is beyond a million times the scene's size within a few: the
-    same first bad step and particle are named."""
-    scene = scene_of("soft", "rigid").replace({"rigid.velocity": [0.0, 1e8, 0.0]})
-    with pytest.raises(Diverged) as of_one:
-        alone(scene, 8)
-    with pytest.raises(Diverged) as of_two:
-        shared(scene, 2, 8)
-    assert (of_two.value.step, of_two.value.particle) == (of_one.value.step, of_one.value.particle)
-
-
-@pytest.mark.parametrize(
-    "names, more, count, said",
-    [
-        (("soft", "rigid"), {"contact": {}}, 2, "lets bodies collide"),
-        (("soft", "rigid"), {}, 4, "at most 3; use fewer"),
-        (("clay",), {}, 2, "1 body is never cut; use 1"),
-        (("soft",), {}, 0, "at least 1"),
-    ],
-)
-def test_what_cannot_be_shared_says_so(names: tuple[str, ...], more: dict[str, Any], count: int, said: str) -> None:
-    with pytest.raises(SceneError, match=said):
-        run_in_threads(max(1, count), lambda ranks: opened(scene_of(*names, **more), ranks, count), patience=5)
-
-
-def opened(scene: Scene, ranks: Any, count: int) -> Any:
-    ranks.count = count
-    return on_ranks(scene, Options(), ranks, 1)
-
-
-def test_bodies_exchange_nothing() -> None:
-    with pytest.raises(SceneError, match="bodies send nothing"):
-        run_in_threads(2, lambda ranks: on_ranks(scene_of("soft"), Options(), ranks, 1, 4), patience=5)
 
 
 @given(st.lists(st.integers(1, 10_000), min_size=1, max_size=40), st.data())

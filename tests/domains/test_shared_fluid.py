@@ -12,12 +12,11 @@ from softlab.app.driver import open_simulation
 from softlab.cpu_backend.domains import fluid
 from softlab.cpu_backend.domains.in_threads import run_in_threads
 from softlab.cpu_backend.domains.ranks import on_ranks
-from softlab.model.base.errors import Diverged, SceneError
+from softlab.model.base.errors import Diverged
 from softlab.model.core.options import Options
 from softlab.model.core.simulation import State
 from softlab.model.domains import shared_fluid
-from softlab.model.domains.slabs import slabs_at_start
-from softlab.model.scene.scene import Scene, load_scene
+from softlab.model.scene.scene import Scene
 
 DAM: dict[
     str, Any
@@ -129,24 +128,3 @@ def test_they_diverge_where_one_does() -> None:
     scene, options = dam(water__size=[0.8, 0.1]), Options(math="exact")
     one = told(open_simulation(scene, threads=1, math="exact"))
     assert run_in_threads(2, lambda ranks: told(on_ranks(scene, options, ranks, 1)), patience=60) == [one, one]
-
-
-@pytest.mark.parametrize(
-    "name, settings, count, said",
-    [
-        ("column", {}, 2, "thinner than their halo"),
-        ("dam-break", {"method.scheme": "divergence-free"}, 2, "use macklin"),
-        ("fountain", {}, 2, "not supported on several"),
-        ("taylor-green", {}, 2, "periodic along every axis"),
-        ("dam-break", {}, 0, "at least 1"),
-        ("dam-break", {}, 100_000, "use fewer"),
-    ],
-)
-def test_what_cannot_be_shared_says_so(name: str, settings: dict[str, Any], count: int, said: str) -> None:
-    with pytest.raises(SceneError, match=said):
-        slabs_at_start(load_scene(name).replace(settings), count, None, "--ranks")
-
-
-def test_a_fluid_sends_each_substep() -> None:
-    with pytest.raises(SceneError, match="each substep"):
-        slabs_at_start(dam(), 2, 4, "--ranks")

@@ -4,14 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import pytest
-
-from softlab.app.driver import open_simulation
-from softlab.cpu_backend.domains.in_threads import run_in_threads
-from softlab.cpu_backend.domains.ranks import on_ranks
-from softlab.model.base.errors import SceneError
-from softlab.model.core.options import Options
-from softlab.model.core.state import State
 from softlab.model.scene.scene import Scene
 
 BOX = {
@@ -43,50 +35,3 @@ def scene_of(*names: str, **more: Any) -> Scene:
     moved: dict[str, Any] = {"turn": turn} if "turned" in parts else {}
     moved |= {"ball": ball, "grip": grip} if "held" in parts else {}
     return Scene({**parts, **moved, "ground": ground, "gravity": {}, "method": METHOD, **more})
-
-
-def driven(poked: int, simulation: Any) -> State:
-    """As a force on that vertex leaves it, which is let go when gravity is switched off."""
-    with simulation:
-        simulation.poke(poked, (0.0, 20.0, 5.0))
-        simulation.advance(2)
-        simulation.set("gravity.enabled", False)
-        simulation.poke(None)
-        simulation.advance(1)
-        return simulation.state()
-
-
-def test_a_force_on_a_vertex_reaches_its_share() -> None:
-    """Of the second share, in float64; gravity is switched off meanwhile."""
-    scene, live = scene_of("turned", "single", "six"), frozenset({"poke", "gravity"})
-    poked = scene.tetrahedra_set.particle_count - 2
-
-    wanted = driven(poked, open_simulation(scene, threads=1, precision="float64", math="exact", live=live))
-    options = Options("float64", "exact", live=live)
-    for found in run_in_threads(2, lambda ranks: driven(poked, on_ranks(scene, options, ranks, 1)), patience=60):
-        assert found.position.tobytes() == wanted.position.tobytes()
-
-
-CLOTH = {"shape": "sheet", "rows": 2, "columns": 2, "spacing": 0.1, "density": 0.5}
-SPRING = {"kind": "attachment", "body": "hookean", "vertices": "left", "compliance": 1e-4}
-
-
-@pytest.mark.parametrize(
-    "more, said",
-    [
-        ({"contact": {}}, "lets bodies collide"),
-        ({"method": METHOD | {"solver": "newton"}}, 'scene.replace.*"method.solver": "xpbd"'),
-        ({"tie": SPRING | {"to": "six"}}, "uses springs"),
-        ({"external": {"magnitude": 1.0}}, "a random number for each vertex"),
-        ({"mesh": CLOTH, "structural": {"stiffness": 10.0}}, "a cloth beside bodies"),
-    ],
-)
-def test_what_couples_bodies_says_so(more: dict[str, Any], said: str) -> None:
-    with pytest.raises(SceneError, match=said):
-        run_in_threads(2, lambda ranks: on_ranks(scene_of("hookean", "six", **more), Options(), ranks, 1), patience=5)
-
-
-def test_targets_are_of_all_pinned_vertices() -> None:
-    options = Options(live=frozenset({"targets"}))
-    with pytest.raises(SceneError, match="targets"):
-        run_in_threads(2, lambda ranks: on_ranks(scene_of(), options, ranks, 1), patience=5)

@@ -17,6 +17,13 @@ import test_shared_fluid as fluids
 import test_shared_tetrahedra as tetrahedra
 from shares import alone, same, shared
 
+from softlab.app.driver import open_simulation
+from softlab.cpu_backend.domains.in_threads import run_in_threads
+from softlab.cpu_backend.domains.ranks import on_ranks
+from softlab.model.base.errors import Diverged
+from softlab.model.core.families import family_of
+from softlab.model.core.options import Options
+from softlab.model.core.sharing.partitions import partition
 from softlab.model.core.state import State
 from softlab.model.domains import shared_fluid
 from softlab.model.scene.scene import Scene, load_scene
@@ -123,3 +130,61 @@ def test_shares_have_the_bits_of_one(row: Row, count: int, monkeypatch: pytest.M
     assert wanted.plastic is None or np.abs(wanted.plastic - np.eye(3)).max() > 1e-3, "nothing was pressed"
     for found in shared(scene, count, row.steps, row.every, **row.options):
         assert same(found, wanted)
+
+
+def beside_a_cut(scene: Scene) -> int:
+    """A vertex of the second of two shares of a mesh."""
+    mesh = family_of(scene).partitions
+    assert mesh is not None
+    return int(partition(mesh(scene), 2, "").parts[1].owned[0])
+
+
+PUSHED: dict[str, tuple[Callable[[], Scene], Callable[[Scene], int], tuple[float, ...], str]] = {
+    # scene, particle, force [N], precision; row 12 of the grid is the second rank's, and in no other's window
+    "grid": (partial(grids.scene_of, "lab"), lambda scene: 60, (0.5, -0.25), "float32"),
+    "tetrahedra": (
+        partial(tetrahedra.scene_of, "turned", "single", "six"),
+        lambda scene: scene.tetrahedra_set.particle_count - 2, (0.0, 20.0, 5.0), "float64",
+    ),
+    "beside a cut": (TURNED, beside_a_cut, (0.0, 20.0, 5.0), "float64"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", PUSHED)
+def test_a_force_on_one_particle_reaches_every_window_that_holds_it(name: str) -> None:
+    """It is let go when gravity is switched off."""
+    make, particle_of, force, precision = PUSHED[name]
+    scene, live = make(), frozenset({"poke", "gravity"})
+    particle = particle_of(scene)
+
+    def pushed(simulation: Any) -> State:
+        with simulation:
+            simulation.poke(particle, force)
+            simulation.advance(2)
+            simulation.set("gravity.enabled", False)
+            simulation.poke(None)
+            simulation.advance(2)
+            return simulation.state()
+
+    wanted = pushed(open_simulation(scene, threads=1, precision=precision, math="exact", live=live))
+    options = Options(precision, "exact", live=live)
+    for found in run_in_threads(2, lambda ranks: pushed(on_ranks(scene, options, ranks, 1)), patience=60):
+        assert same(found, wanted)
+
+
+@pytest.mark.parametrize(
+    ("make", "changes", "steps"),
+    [
+        (partial(grids.scene_of, "lab"), {"method.dt": 0.07}, 4000),  # twice the limit of the step size
+        (partial(bodies.scene_of, "soft", "rigid"), {"rigid.velocity": [0.0, 1e8, 0.0]}, 8),  # 1000 km a step
+    ],
+    ids=["grid", "bodies"],
+)
+def test_they_diverge_where_one_does(make: Callable[[], Scene], changes: dict[str, Any], steps: int) -> None:
+    """The same first bad step and particle are named."""
+    scene = make().replace(changes)
+    with pytest.raises(Diverged) as of_one:
+        alone(scene, steps, allow_unstable=True)
+    with pytest.raises(Diverged) as of_two:
+        shared(scene, 2, steps)
+    assert (of_two.value.step, of_two.value.particle) == (of_one.value.step, of_one.value.particle)

@@ -168,15 +168,6 @@ def test_bad_values(changes: dict[str, Any], told: str) -> None:
     assert "\n" not in str(caught.value)
 
 
-def test_what_does_not_go_together() -> None:
-    water = {"kind": "fluid", "size": [0.2, 0.2, 0.2], "capacity": 70}
-    with pytest.raises(SceneError, match=r"^water\.capacity = 70: applies to the fluid of an emitter"):
-        Scene({"water": water, "method": METHOD})
-    full = {"water": water | {"capacity": 64}, "tap": TAP, "method": METHOD}
-    with pytest.raises(SceneError, match=r"^water\.capacity = 64: must be more than water starts with, 64"):
-        Scene(full)
-    assert Scene(full | {"drain": DRAIN}).fluid_set.particle_count == 64
-    with pytest.raises(SceneError, match="size: must be given, or a capacity"):
-        Scene({"water": {"kind": "fluid"}, "method": METHOD})
-    with pytest.raises(SceneError, match="applies to fluids; leave it out"):
-        Scene({"grid": {"rows": 4, "columns": 4}, "tap": TAP})
+def test_a_drain_lets_a_fluid_start_full() -> None:
+    water = {"kind": "fluid", "size": [0.2, 0.2, 0.2], "capacity": 64}
+    assert Scene({"water": water, "tap": TAP, "drain": DRAIN, "method": METHOD}).fluid_set.particle_count == 64

@@ -18,6 +18,7 @@ from softlab.model.particles.fluid_set import vortices
 from softlab.model.scene.scene import Scene, load_scene
 
 G, RHO, HEIGHT, D = 9.81, 1000.0, 1.0, 0.05
+FREE = {"method.scheme": "divergence-free"}
 HOW: dict[str, Any] = {"precision": "float32", "math": "fast"}
 # Martin and Moyce 1952, table 2, n^2 = 2: (t sqrt(2 g / a), front / a)
 FRONT = np.array(
@@ -58,10 +59,16 @@ def column_at_rest(scene: Scene, seconds: float = 3.0, looks: int = 30) -> dict[
     }
 
 
-def test_a_column_at_rest_all_at_once() -> None:
+@pytest.mark.parametrize(
+    "changes",
+    [{}, FREE | {"method.iterations": 5}, FREE | {"method.iterations": 10}],
+    ids=["macklin", "free-5", "free-10"],
+)
+def test_a_column_at_rest_all_at_once(changes: dict[str, Any]) -> None:
     """F1, with 8 substeps x 10 iterations a sixtieth of a second and 120 Pa s: height 1 +- .01, density error < 1 %
-    on the mean and < 3 % anywhere, largest speed < 1 % of sqrt(g H), pressure rho g z within 3 %."""
-    found = column_at_rest(load_scene("column"))
+    on the mean and < 3 % anywhere, largest speed < 1 % of sqrt(g H), pressure rho g z within 3 %. 5 iterations of each
+    solve of `divergence-free` do as well as 10."""
+    found = column_at_rest(load_scene("column").replace(changes))
     assert abs(found["height"] - 1) < 0.01, found
     assert found["mean"] < 0.01 and found["largest"] < 0.03, found
     assert found["speed"] < 0.01 and found["pressure"] < 0.03, found
@@ -90,10 +97,11 @@ def dam(across: int, viscosity: float) -> Scene:
     )  # fmt: skip
 
 
-def test_the_front_of_a_dam_that_breaks() -> None:
-    """F2, shifted once in time, as the gate opens slowly: 6.4 % at the worst point, which is the first, 3.1 % on the mean:
-    the table's own first step is none that gravity makes (docs/method/fluids.md)."""
-    scene, a = dam(20, 0.5), 0.05715
+@pytest.mark.parametrize(("changes", "mean"), [({}, 0.035), (FREE, 0.036)], ids=["macklin", "free"])
+def test_the_front_of_a_dam_that_breaks(changes: dict[str, Any], mean: float) -> None:
+    """F2, shifted once in time, as the gate opens slowly: 6.4 % at the worst point, which is the first, 3.1 % on the mean
+    (6.6 % and 3.3 % by `divergence-free`): the table's own first step is none that gravity makes (docs/method/fluids.md)."""
+    scene, a = dam(20, 0.5).replace(changes), 0.05715
     time, front = [0.0], [1.0]
     with open_simulation(scene, **HOW) as simulation:
         for _ in range(110):
@@ -103,7 +111,7 @@ def test_the_front_of_a_dam_that_breaks() -> None:
     shifts = np.linspace(-0.3, 0.3, 121)
     errors = np.array([np.abs(np.interp(FRONT[:, 0] - shift, time, front) / FRONT[:, 1] - 1) for shift in shifts])
     best = errors[np.argmin(errors.max(axis=1))]
-    assert best.max() < 0.07 and best.mean() < 0.035, (best.max(), best.mean())
+    assert best.max() < 0.07 and best.mean() < mean, (best.max(), best.mean())
 
 
 def viscosity_of(scene: Scene, seconds: float = 0.5) -> float:
@@ -225,3 +233,41 @@ def test_a_wall_that_comes_at_a_hundred_metres_a_second() -> None:
     assert (state.position[:, 0] > 100 * state.time - 0.5).all()
     fastest = 0.5 * scene.fluid_set.support * 4 * 60
     assert np.linalg.norm(state.velocity, axis=1).max() <= fastest * (1 + 1e-5)
+
+
+# ---------------------------------------------------------------------- the scheme `divergence-free`
+
+
+def test_density_error_falls_with_the_squares_of_iterations_and_substeps() -> None:
+    """Pressures begin at 0 in each substep, so that a column rests where g h^2 is what iterations take away of a push that
+    grows with its depth: the error goes as h^2, and, as they are accelerated, as 1 / k^2 (within a factor of 1.6)."""
+
+    def mean(substeps: int, iterations: int) -> float:
+        changes = {"method.substeps": substeps, "method.iterations": iterations, "water.viscosity": 27.0}
+        return column_at_rest(load_scene("column").replace(FREE | changes), seconds=1.5)["mean"]
+
+    few, often, long = mean(4, 5), mean(8, 5), mean(4, 10)
+    assert 4 / 1.6 < few / often < 4 * 1.6, (few, often)
+    assert 4 / 1.6 < few / long < 4 * 1.6, (few, long)
+
+
+def still(scene: Scene) -> tuple[float, float]:
+    """(kinetic energy after half a second, the largest on the way), of that at the start, of vortices without viscosity."""
+    with open_simulation(scene, **HOW) as simulation:
+        start = vortices(scene.fluid_set.position, scene.domain)  # type: ignore[arg-type]
+        energies = []
+        for _ in range(50):
+            simulation.advance(1)
+            energies.append(float((simulation.read("velocity").astype(float) ** 2).sum() / (start**2).sum()))
+    return energies[-1], max(energies)
+
+
+def test_vortices_slow_down_by_the_methods_own_viscosity() -> None:
+    """At 1 m/s in a box of 1 m about .027 m^2/s with particles 2 cm apart, .0057 at 1 cm: it falls with the square of their
+    distance (within a factor of 1.3); and nothing makes energy."""
+    scene = load_scene("taylor-green").replace(FREE | {"water.viscosity": 0.0})
+    coarse = viscosity_of(scene)
+    assert 0.016 < coarse < 0.034
+    assert viscosity_of(scene.replace({"water.rest_distance": 0.01})) < coarse / 4 * 1.3
+    last, largest = still(scene)
+    assert 0.02 < last < 1 and largest < 1 + 1e-3

@@ -14,7 +14,7 @@ from softlab.model.base.errors import SceneError
 from softlab.model.core.build import build
 from softlab.model.core.families import family_of
 from softlab.model.fluid.measure import compression, density_errors, height
-from softlab.model.scene.scene import Scene, load_scene
+from softlab.model.scene.scene import Scene
 
 NAN = float("nan")
 WATER = {"kind": "fluid", "size": [0.2, 0.2, 0.2]}
@@ -48,33 +48,6 @@ def test_bad_values(field: str, value: Any, told: str) -> None:
         scene_of(WATER | {field: value})
     assert str(caught.value).startswith(f"water.{field} = ") or field == "support", str(caught.value)
     assert told in str(caught.value) and "\n" not in str(caught.value)
-
-
-@pytest.mark.parametrize(
-    ("tables", "told"),
-    [
-        ({"oil": WATER | {"rest_distance": 0.04}}, r"oil\.rest_distance .* must be that of water"),
-        ({"oil": {"kind": "fluid", "dimensions": 2, "size": [0.2, 0.2]}}, r"oil\.dimensions .* must be that of water"),
-        ({"domain": {"size": [0.2, 1.0, 0.2]}}, r"domain\.size .* 3 supports long"),
-        ({"domain": {"size": [1.0, 1.0], "repeats": ["z"]}}, r"domain\.repeats .* has a z"),
-        ({"wind": {}}, r"wind\.kind .* is not supported together with fluids"),
-        ({"method": {"solver": "xpbd"}}, r"method\.solver .* must be pbf for fluids"),
-        ({"method": METHOD | {"scheme": "divergent"}}, r"method\.scheme .* must be one of"),
-        ({"method": METHOD | {"relaxation": 1.5}}, r"method\.relaxation .* must be at most 1"),
-        ({"method": METHOD | {"softness": 0.0}}, r"method\.softness .* must be greater than 0"),
-    ],
-)
-def test_what_does_not_go_together(tables: dict[str, Any], told: str) -> None:
-    with pytest.raises(SceneError, match=told):
-        scene_of(**tables)
-
-
-def test_others_are_told_that_it_is_for_fluids() -> None:
-    grid = load_scene("lab-grid")
-    with pytest.raises(SceneError, match=r"method\.solver = 'pbf': applies to fluids"):
-        grid.replace({"method.solver": "pbf"})
-    with pytest.raises(SceneError, match="applies to fluids; leave it out"):
-        Scene(grid.as_dict() | {"domain": {"size": [1.0, 1.0, 1.0]}})
 
 
 def test_blocks_fluids_and_masses() -> None:

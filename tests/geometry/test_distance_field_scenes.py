@@ -158,14 +158,3 @@ def test_bodies_of_the_catalogue_stay_out_of_the_mill() -> None:
     away = mill.field.at(place[within])
     assert within.sum() > 100 and (away < 1.5 * mill.thickness).sum() > 20
     assert away.min() > mill.thickness * SETTLED - 16 * np.finfo(np.float32).eps
-
-
-@pytest.mark.gpu
-def test_a_gpu_has_the_cpus_bits() -> None:
-    for precision in ("float32", "float64"):
-        expected = end_state(falling_bar(), precision=precision, threads=2)
-        for kernel in ("launch", "stages"):
-            assert same(end_state(falling_bar(), "gpu", precision=precision, kernel=kernel), expected), (
-                precision,
-                kernel,
-            )

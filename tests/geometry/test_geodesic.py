@@ -8,7 +8,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from meshes import sheet
 
-from softlab.model.base.errors import SceneError
 from softlab.model.core.build import pinned_indices, rest_positions
 from softlab.model.geometry.edges import mesh_edges
 from softlab.model.geometry.geodesic import KEY_BITS, mesh_attachments, sheet_attachments
@@ -144,12 +143,3 @@ def test_of_equally_far_anchors_the_lower_comes_first():
     edges = mesh_edges(10, triangles)
     anchor, _ = mesh_attachments(position, edges, np.array([4, 0]), 2)
     assert anchor[2].tolist() == [0, 4]
-
-
-@pytest.mark.parametrize("count", [0, -1, 65])
-def test_bad_count(count):
-    position, triangles = sheet(2, 2)
-    with pytest.raises(SceneError, match="count"):
-        sheet_attachments(position, np.array([0]), count)
-    with pytest.raises(SceneError, match="count"):
-        mesh_attachments(position, mesh_edges(4, triangles), np.array([0]), count)

@@ -7,7 +7,7 @@ family's tests, with every part that the family has.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any
 
@@ -27,12 +27,15 @@ from meeting_bodies import meeting, smooth
 from mesh_scenes import PARTS as MESHES
 from mesh_scenes import POKE as MESH_POKE
 from mesh_scenes import mesh_scene
+from mesh_scenes import moving as moving_mesh
 from rebound_scenes import among_soft_ones, dropped
+from test_friction_couples import KINDS, impact
 from test_matching import POKE as GRID_POKE
 from test_matching import everything as matched_grid
 from test_matching import jelly
 from test_vbd_contact import on_slope, pair, rest_of
 
+from softlab.bench.experiments import body_scenes
 from softlab.model.core.state import State
 from softlab.model.scene.scene import Scene
 
@@ -140,7 +143,7 @@ def surfaces() -> Iterator[Row]:
     yield Row("smooth surfaces", smooth_ones, {SIMULATOR: 1}, begin, usual={SIMULATOR: ("float64",)})
     of = beside_scenes
     for name, make, precision in (("on a cloth", of.on_cloth, "float32"), ("tied", of.tied, "float64")):
-        usual = {CPU: (precision,) if name == "tied" else (), SIMULATOR: (precision,)}
+        usual = {SIMULATOR: (precision,)}
         yield Row(
             f"tetrahedra {name}", make, {CPU: 2, SIMULATOR: 1, GPU: 20}, of.crumpled_state, usual=usual,
             without=partial(make, contact=None),
@@ -159,8 +162,9 @@ def worlds() -> Iterator[Row]:
         )  # fmt: skip
     for name in wet_scenes.PARTS:
         yield Row(
-            f"wet {name}", partial(wet_scenes.wet_scene, name), {SIMULATOR: 1, GPU: 20}, partial(of.moving, apart=0.001)
-        )
+            f"wet {name}", partial(wet_scenes.wet_scene, name), {CPU: 2, SIMULATOR: 1, GPU: 20},
+            partial(of.moving, apart=0.001), on_cpu=STAGES,
+        )  # fmt: skip
 
 
 # ---------------------------------------------------------------------- bodies of clusters, grids, meshes
@@ -168,17 +172,28 @@ def worlds() -> Iterator[Row]:
 
 def bodies() -> Iterator[Row]:
     of = bodies_scenes
-    few = {SIMULATOR: ("float32",)}
-    yield Row("bodies", of.everything, {SIMULATOR: 5, GPU: 41}, poke=of.POKE, usual=few)
-    yield Row("three substeps of bodies", partial(of.everything, 3, 2), {GPU: 41}, poke=of.POKE)
-    yield Row("linked", of.hung, {GPU: 41}, poke=of.POKE)
-    yield Row("linked once", partial(of.hung, 1, 2), {SIMULATOR: 2}, poke=of.POKE, usual=few)
-    yield Row("of all materials", of.of_all_materials, {SIMULATOR: 3, GPU: 41}, poke=of.POKE, usual=few)
+    few, usual = {SIMULATOR: ("float32",)}, {CPU: ("float64",), SIMULATOR: ("float32",)}
     plastic = ("plastic_threshold", "plastic_creep", "plastic_limit")
+
+    def falling(make: Callable[[], Scene]) -> Scene:
+        """The same without its ground."""
+        return make().replace({"plane.point": of.AWAY["point"]})
+
+    yield Row(
+        "bodies", of.everything, {CPU: 5, SIMULATOR: 5, GPU: 41}, poke=of.POKE, usual=usual,
+        without=partial(falling, of.everything),
+    )  # fmt: skip
+    yield Row("three substeps of bodies", partial(of.everything, 3, 2), {GPU: 41}, poke=of.POKE)
+    yield Row("linked", of.hung, {CPU: 5, GPU: 41}, poke=of.POKE)
+    yield Row("linked once", partial(of.hung, 1, 2), {SIMULATOR: 2}, poke=of.POKE, usual=few)
+    yield Row(
+        "of all materials", of.of_all_materials, {CPU: 5, SIMULATOR: 3, GPU: 41}, poke=of.POKE, usual=usual,
+        without=partial(of.of_all_materials, plastic),
+    )  # fmt: skip
     for left_out in (("cluster_damping",), ("linear", "cluster_damping"), ("linear",), plastic):
         scene = partial(of.of_all_materials, left_out)
         yield Row(f"without {' '.join(left_out)}", scene, {SIMULATOR: 3, GPU: 41}, poke=of.POKE, kernels=("launch",))
-    yield Row("lattices", of.blocks, {GPU: 21}, poke=of.POKE)
+    yield Row("lattices", of.blocks, {CPU: 5, GPU: 21}, poke=of.POKE, without=partial(falling, of.blocks))
     dt = ("dt", "method.dt", 0.02)
     for name, scene, steps, reads in (
         ("bodies", partial(of.everything, 1, 1), 5, ("rotation", "centre")),
@@ -236,8 +251,9 @@ def bodies() -> Iterator[Row]:
         usual |= {SIMULATOR: ("float64",)} if name in ("distances", "volume", "everything") else {}
         usual |= {SIMULATOR: ("float32",)} if name in ("bare", "isometric") else {}
         yield Row(
-            f"mesh {name}", partial(mesh_scene, name), {CPU: 4, SIMULATOR: 2, GPU: 40}, poke=MESH_POKE, usual=usual
-        )
+            f"mesh {name}", partial(mesh_scene, name), {CPU: 4, SIMULATOR: 2, GPU: 40}, moving_mesh, poke=MESH_POKE,
+            usual=usual,
+        )  # fmt: skip
 
 
 def pushed(scene: Scene) -> State:
@@ -296,23 +312,41 @@ def touching() -> Iterator[Row]:
 
 def bouncing() -> Iterator[Row]:
     few = {SIMULATOR: ("float32",)}
-    yield Row("meeting", meeting, {GPU: 60}, poke=bodies_scenes.POKE)
+    yield Row("meeting", meeting, {CPU: 8, GPU: 60}, poke=bodies_scenes.POKE)
     yield Row("meeting once", partial(meeting, 2, 1), {SIMULATOR: 2}, usual={SIMULATOR: ("float64",)})
     yield Row("a crowd", partial(meeting, 2, 1, copies=15, sweeps=1), {GPU: 30})  # the table's sums take several chunks
     yield Row("many meet", partial(meeting, 1, 1, copies=3, sweeps=1), {GPU: 60})
-    yield Row("crowded", partial(meeting, 2, 1, copies=5), {CPU: 2}, usual={CPU: ("float32",)})
+    yield Row("crowded", partial(meeting, 2, 1, copies=2), {CPU: 2}, usual={CPU: ("float32",)})
     yield Row("smooth", partial(smooth, 1, 2), {SIMULATOR: 2, GPU: 60})
-    yield Row("bounces", partial(meeting, restitution=0.6), {GPU: 40}, poke=bodies_scenes.POKE)
+    bounces = partial(meeting, restitution=0.6)
+    yield Row("bounces", bounces, {CPU: 8, GPU: 40}, poke=bodies_scenes.POKE, without=meeting)
+    for kind in KINDS:
+        yield Row(f"impact {kind}", partial(impact, kind, 0.5, 2), {CPU: 1}, usual={CPU: ("float64",)})
     yield Row("bounces once", partial(meeting, 2, 1, restitution=0.7), {SIMULATOR: 4}, usual=few)
     damped = meeting(1, 1, restitution=0.7).replace({"soft.cluster_damping": 4.0})
     yield Row("bounces damped", lambda: damped, {SIMULATOR: 4}, kernels=("launch",))
     alike = smooth(2, 1).replace({"contact.restitution": 1.0})
     yield Row("bounces alike", lambda: alike, {SIMULATOR: 3}, kernels=("launch",))
-    floor = {"restitution": 0.8, "static_friction": 0.3, "dynamic_friction": 0.2}
-    rebound = partial(dropped, angle=40.0, height=0.4, speed=4.0, **floor)
-    yield Row("rebound", rebound, {SIMULATOR: 6, GPU: 40}, usual=few)
+    floor = {"static_friction": 0.3, "dynamic_friction": 0.2}
+    rebound = partial(dropped, 0.7, angle=40.0, height=0.4, speed=4.0, **floor)
+    yield Row("rebound", rebound, {CPU: 20, SIMULATOR: 6, GPU: 40}, usual=few)
     yield Row("rebound among soft ones", among_soft_ones, {SIMULATOR: 4, GPU: 40})
 
 
-FAMILIES = tetrahedra, by_vertices, newton, surfaces, worlds, bodies, touching
+def worst() -> Iterator[Row]:
+    """Hard cases of bodies."""
+    of, kernels = body_scenes, ("launch",)
+    for how in ("into a point", "mirrored"):
+        squashed = partial(of.meeting, body=of.SOFT)
+        begin = partial(of.changed, change=of.CHANGED[how])
+        yield Row(f"worst {how}", squashed, {GPU: 200}, begin, kernels=kernels)
+    for name, scene, steps in (
+        ("shot", partial(of.shot, 0.125, of.BRICK, 25.0, 0.03), 200), ("stack", partial(of.stack, 4), 100),
+        ("inside", partial(of.inside_each_other, of.SOFT, of.BRICK, (0.02, 0.1, 0.03)), 100),
+        ("heap", partial(of.heap, 8, 4), 200),
+    ):  # fmt: skip
+        yield Row(f"worst {name}", scene, {GPU: steps}, kernels=kernels)
+
+
+FAMILIES = tetrahedra, by_vertices, newton, surfaces, worlds, bodies, touching, worst
 ROWS: tuple[Row, ...] = (*(row for family in FAMILIES for row in family()), *SHEETS_AND_FLUIDS)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
 from typing import Any
 
@@ -39,6 +39,7 @@ def resident(*tiles: str) -> tuple[str, ...]:
 
 # ---------------------------------------------------------------------- grids
 
+ON_CPU = ("fused", "team", "tiled", "stages")
 BUSY = {"grid.pinned": "every:3", "external.magnitude": 0.05, "perturbation.amplitude": 0.05}
 BARE = {"grid.pinned": "none", "gravity.enabled": False, "damping.coefficient": 0.0}
 ALTERNATING = BUSY | {"springs.stiffness_ratio": 7.0, "external.magnitude": 0.0}
@@ -89,7 +90,8 @@ def grids() -> Iterator[Row]:
                 )  # fmt: skip
         if integrator not in ("explicit-euler", "semi-implicit-euler"):
             yield Row(
-                f"grid alternating {integrator}", partial(grid, integrator, 8, 9, ALTERNATING), {CPU: 9, SIMULATOR: 9},
+                f"grid alternating {integrator}", partial(grid, integrator, 8, 9, ALTERNATING),
+                {CPU: 9, SIMULATOR: 9, GPU: 60}, on_cpu=on_cpu,
                 usual={SIMULATOR: SINGLE if integrator in ("taylor", "rk4") else DOUBLE},
             )  # fmt: skip
         yield Row(
@@ -120,12 +122,15 @@ def grids() -> Iterator[Row]:
         small = {"grid.pinned": "none"}
         yield Row(
             f"grid {rows}x{columns}", partial(grid, "lab", rows, columns, small), {CPU: 7, SIMULATOR: 7},
-            kernels=(*LAUNCHED, "one-block"), on_cpu=("fused", "team", "tiled", "stages"), usual={SIMULATOR: SINGLE},
+            kernels=(*LAUNCHED, "one-block"), on_cpu=ON_CPU, usual={SIMULATOR: SINGLE},
         )  # fmt: skip
         yield Row(
             f"grid alternating {rows}x{columns}", partial(grid, "lab", rows, columns, ALTERNATING | small),
-            {CPU: 7, SIMULATOR: 7}, usual={SIMULATOR: SINGLE},
+            {CPU: 7, SIMULATOR: 7}, usual={SIMULATOR: SINGLE}, on_cpu=ON_CPU,
         )  # fmt: skip
+    for rows, columns in ((2, 2), (19, 33), (9, 1100)):  # several tiles, bands of uneven height
+        scene = partial(grid, "velocity-verlet", rows, columns, ALTERNATING)
+        yield Row(f"grid alternating {rows}x{columns}", scene, {CPU: 60}, on_cpu=ON_CPU)
 
 
 # ---------------------------------------------------------------------- cloths
@@ -212,6 +217,8 @@ def cloths() -> Iterator[Row]:
             f"cloth {part} {integrator}", scene, {CPU: 3, SIMULATOR: 2}, poke=POKE, later=slower(dt), kernels=ONE,
             usual=usual,
         )  # fmt: skip
+        scene = partial(cloth_scene, "everything", integrator, rows=5, columns=300)  # rows of several segments
+        yield Row(f"cloth long {integrator}", scene, {CPU: 6}, poke=POKE, later=slower(dt), kernels=ONE)
     for rows, columns in ((1, 1), (1, 5), (4, 1), (2, 2)):
         scene = partial(cloth, "air", "velocity-verlet", rows, columns, pinned="none")
         yield Row(
@@ -397,13 +404,17 @@ def touching_sheets() -> Iterator[Row]:
             )  # fmt: skip
     method = {"solver": "xpbd", "dt": 1 / 60, "substeps": 3, "iterations": 1}
     yield Row("folded", partial(folded, method=method), {SIMULATOR: 2}, on_cpu=STAGES, usual={SIMULATOR: DOUBLE})
-    yield Row("folded strip", partial(folded, 10, 5, 4), {CPU: 5}, on_cpu=STAGES, usual={CPU: SINGLE})
+    method = method | {"substeps": 4, "iterations": 2}
+    for name, ordering in (("folded strip", "gauss-seidel"), ("folded strip jacobi", "jacobi")):
+        scene = partial(folded, 10, 5, 4, method=method | {"ordering": ordering})
+        yield Row(name, scene, {CPU: 6}, on_cpu=STAGES, usual={CPU: SINGLE}, without=partial(without_contacts, scene))
     placed = {"origin": [0.0, 0.05, 0.0], "restitution": 0.4}
     for name, make in FALLING.items():
         kernels = {"bar": LAUNCHED, "implicit-euler": ONE}.get(name, ("launch",))
         usual = {SIMULATOR: SINGLE if name in ("semi-implicit-euler", "mesh") else ()}
         yield Row(
-            f"field {name}", partial(make, **placed), {SIMULATOR: 4}, kernels=kernels, usual=usual,
+            f"field {name}", partial(make, **placed), {SIMULATOR: 4} | ({GPU: 5} if name == "bar" else {}),
+            kernels=kernels, usual=usual,
             without=partial(make, **placed | {"origin": [0.0, -50.0, 0.0]}),
         )  # fmt: skip
     for name in release_scenes.TABLES:
@@ -412,6 +423,11 @@ def touching_sheets() -> Iterator[Row]:
             f"release {name}", partial(release_scenes.release_scene, name), {SIMULATOR: 8, GPU: 8}, more=(),
             usual={SIMULATOR: DOUBLE if name not in ("world", "newton") else ()}, **only,
         )  # fmt: skip
+
+
+def without_contacts(make: Callable[[], Scene]) -> Scene:
+    """The same without its contacts."""
+    return Scene({name: table for name, table in make().as_dict().items() if name != "self_collision"})
 
 
 # ---------------------------------------------------------------------- fluids
@@ -449,7 +465,8 @@ def catalogue() -> Iterator[Row]:
     for name, steps, kernels, changes in (
         ("cloth-hanging", 600, ("graph", "one-block"), {}), ("cloth-wind", 600, ("graph", "one-block"), {}),
         ("cloth-sphere", 600, ("graph", "one-block"), {}), ("cloth-twist", 600, ("graph",), {}),
-        ("cloth-mesh", 12, ONE, {}), ("jelly-drop", 60, ONE, {}), ("fem-drop", 60, ("resident", "graph"), {}),
+        ("cloth-mesh", 12, ONE, {}), ("jelly-drop", 60, ONE, {}), ("soft-on-mesh", 80, ("graph", "stages"), {}),
+        ("fem-drop", 60, ("resident", "graph"), {}),
         ("fem-drop", 70, ONE, newton), ("fem-cantilever", 60, ONE, by_vertices), ("fem-twist", 60, ONE, {}),
         ("fem-kinematic", 60, ONE, {}), ("fem-attached", 60, ONE, {}), ("fem-cloth", 60, ONE, {}),
     ):  # fmt: skip

@@ -5,7 +5,6 @@ from __future__ import annotations
 from math import atan, hypot, sqrt
 from typing import Any
 
-import numba
 import numpy as np
 import pytest
 from cloth_scenes import POKE, cloth_scene
@@ -13,13 +12,12 @@ from cloth_solve import cloth
 
 from softlab.app.driver import open_simulation
 from softlab.bench.reference import mass_spring
-from softlab.model.base.errors import SceneError
 from softlab.model.base.variant import plain_formulas
 from softlab.model.core.build import build
 from softlab.model.core.families import stability_limit
-from softlab.model.core.integrators import IMPLICIT, INTEGRATORS, amplification_matrix, integrators_for
+from softlab.model.core.integrators import IMPLICIT, amplification_matrix
 from softlab.model.core.simulation import State
-from softlab.model.scene.scene import Scene, load_scene
+from softlab.model.scene.scene import Scene
 
 EXACT = {"precision": "float64", "math": "exact"}
 STIFF = {
@@ -106,20 +104,6 @@ def test_it_follows_the_reference(name: str, integrator: str, steps: int) -> Non
     assert np.abs(state.position - position).max() < bound * scene.method.dt * steps
 
 
-def test_order_one_against_rk4() -> None:
-    """The first 0.1 s, 30 periods over 2 pi of the fastest mode: half of the step, half of the error."""
-    scene = cloth_scene("springs", "rk4", pinned="top-corners").replace({"method.dt": 1e-4})
-    expected, _ = mass_spring.simulate(scene, 1000)
-    for name in IMPLICIT:
-        errors = []
-        for steps in (800, 1600, 3200):
-            coarse = scene.replace({"method.integrator": name, "method.dt": 0.1 / steps})
-            state, _ = stepped(coarse, steps)
-            errors.append(np.sqrt(np.mean((state.position - expected) ** 2)))
-        assert np.log2(errors[0] / errors[1]) == pytest.approx(1, abs=0.2)
-        assert np.log2(errors[1] / errors[2]) == pytest.approx(1, abs=0.1)
-
-
 @pytest.mark.parametrize("name", IMPLICIT)
 def test_energy_falls_at_a_hundred_times_the_explicit_limit(name: str) -> None:
     """A hanging sheet, undamped, its masses moved by a tenth of a spacing: 400 steps at 100 times semi-implicit Euler's limit
@@ -138,28 +122,6 @@ def test_energy_falls_at_a_hundred_times_the_explicit_limit(name: str) -> None:
     forces = mass_spring.simulate(scene.replace({"method.integrator": "semi-implicit-euler", "method.dt": 1e-6}), 1,
                                   state.position, np.zeros_like(state.velocity))[1] / 1e-6  # fmt: skip
     assert np.abs(forces).max() < 1e-3 * 9.81
-
-
-@pytest.mark.parametrize("integrator", IMPLICIT)
-def test_any_number_of_threads_and_batches_gives_the_same_bits(integrator: str) -> None:
-    """Everything at once, in rows of more than one segment and in more rows than threads; and a live step size."""
-    for rows, columns in ((9, 6), (5, 300)):
-        scene = cloth_scene("everything", integrator, rows=rows, columns=columns)
-        states = []
-        for threads, batches in ((1, (6,)), (2, (1, 2, 0, 3)), (3, (6,)), (8, (6,))):
-            if threads > numba.config.NUMBA_NUM_THREADS:
-                continue
-            with open_simulation(scene, "cpu", threads=threads, math="exact", live=("dt",)) as simulation:
-                for steps in batches:
-                    simulation.advance(steps)
-                simulation.set("method.dt", 3 * scene.method.dt)
-                simulation.advance(2)
-                states.append((simulation.state(), simulation.implicit.done.tolist()))
-        for state, done in states[1:]:
-            assert done == states[0][1]
-            assert np.array_equal(state.position, states[0][0].position)
-            assert np.array_equal(state.velocity, states[0][0].velocity)
-    assert done[1] >= 8 and done[2] > 8
 
 
 def test_float32_stops_at_rounding_and_follows_float64() -> None:
@@ -213,15 +175,6 @@ def test_sums_over_masses_are_taken_in_their_order() -> None:
         expected = [running(products[n : n + SEGMENT], LANES) for n in range(0, columns, SEGMENT)]
         assert parts.tolist() == expected
         assert found == running(expected, TREE)
-
-
-def test_what_it_cannot_be_run_with_is_refused() -> None:
-    scene = cloth(4, 4, **STIFF, **method(0.01))
-    assert set(integrators_for(scene)) == {*INTEGRATORS, *IMPLICIT}
-    with pytest.raises(SceneError, match="fused for implicit-euler"):
-        open_simulation(scene, "cpu", kernel="stages")
-    with pytest.raises(SceneError, match="applies to a cloth"):
-        load_scene("lab-grid").replace({"method.integrator": "implicit-euler"})
 
 
 def test_the_matrix_of_a_stretched_spring_is_the_forces_derivative() -> None:

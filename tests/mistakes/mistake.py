@@ -40,6 +40,11 @@ def path_of(test: str, root: Path = ROOT) -> str:
     return "::".join([*found[:1], *name]) if found else f"tests/{test}"
 
 
-def in_file(file: str, tests: str, mistakes: dict[str, tuple[str, str]]) -> tuple[Mistake, ...]:
-    """Mistakes of one file, name -> (old, new), and the `tests` that must notice them, apart by spaces."""
-    return tuple(Mistake(name, file, old, new, tuple(tests.split())) for name, (old, new) in mistakes.items())
+def mistakes_of(table: dict[str, dict[str, dict[str, tuple[str, str]]]]) -> tuple[Mistake, ...]:
+    """The mistakes of a table: file -> the tests that must notice them, apart by spaces -> name -> (old, new)."""
+    return tuple(
+        Mistake(name, file, old, new, tuple(tests.split()))
+        for file, noticed_by in table.items()
+        for tests, mistakes in noticed_by.items()
+        for name, (old, new) in mistakes.items()
+    )

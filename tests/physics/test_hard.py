@@ -14,12 +14,15 @@ from rich.console import Console
 import softlab.bench.stress.experiment as hard
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import configuration, measures
+from softlab.bench.stress.body_cases import BODY_CASES
 from softlab.bench.stress.case import FORCES, HardCase
 from softlab.bench.stress.cases import CASES
+from softlab.bench.stress.fluid_cases import FLUID_CASES
 from softlab.bench.stress.numbers import far_away
 from softlab.bench.stress.report import print_hard
 from softlab.bench.stress.results import CODES, IN_FULL, disagreements, rounding_differences, rows_of
 from softlab.bench.stress.shapes import as_text
+from softlab.bench.stress.tetrahedral_cases import TETRAHEDRAL_CASES
 from softlab.bench.stress.trial import Check, SilentNaN, Trial
 from softlab.labbook.claims import hard as hard_claims
 from softlab.labbook.claims.claim import Claim
@@ -53,6 +56,17 @@ def test_every_row_of_the_collection_is_told_of():
     rows = {case.row for case in CASES}
     assert rows == {f"B{k}" for k in range(1, 25)} | {f"F{k}" for k in range(1, 11)} | {"A8", "A10", "S7"}
     assert len({case.name for case in CASES}) == len(CASES)
+
+
+def test_every_case_is_of_the_family_of_its_scene():
+    """Those of bodies and fluids say where their bounds come from."""
+    assert {case.row for case in FLUID_CASES} == {f"F{k}" for k in range(1, 11)}
+    assert {case.row for case in TETRAHEDRAL_CASES} == {"A8", "B21", "B22", "B23"}
+    for case in CASES:
+        scene, families = case.base(), (case.of_bodies, case.of_fluids, case.of_tetrahedra)
+        assert families == (case in BODY_CASES, case in FLUID_CASES, case in TETRAHEDRAL_CASES), case.name
+        assert families == (bool(scene.bodies), bool(scene.fluids), bool(scene.tetrahedra)), case.name
+        assert bool(case.basis) == (case.of_bodies or case.of_fluids), case.name
 
 
 def test_scenes_of_hard_cases_are_in_the_catalogue_under_a_name():

@@ -21,7 +21,6 @@ from softlab.bench.experiments.body_scenes import AWAY
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import measures
 from softlab.bench.stress.body_cases import BODY_CASES
-from softlab.bench.stress.cases import CASES
 from softlab.bench.stress.experiment import judge_case, run_hard
 from softlab.bench.stress.report import print_hard
 from softlab.bench.stress.results import StoredCheck, disagreements, rows_of
@@ -49,16 +48,6 @@ def test_the_laws_hold(name: str, precision: str) -> None:
     assert outcome.checks[0].relation and all(check.good for check in outcome.checks)
     drawn = outcome.end is not None
     assert drawn == (NAMES[name].row != "B20") and (not drawn or np.isfinite(outcome.end).all())
-
-
-def test_rows_are_of_bodies_and_say_where_their_bounds_come_from() -> None:
-    for case in CASES:
-        assert (
-            case.of_bodies
-            == (case in BODY_CASES)
-            == (bool(case.basis) and not case.of_fluids)
-            == bool(case.base().bodies)
-        )
 
 
 # ---------------------------------------------------------------------- what laws see

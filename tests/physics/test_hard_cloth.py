@@ -6,21 +6,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from softlab.bench.store.database import Store
-from softlab.bench.store.results import measures
 from softlab.bench.stress.case import HardCase
 from softlab.bench.stress.cases import CASES
 from softlab.bench.stress.cloth import ball_inside, fast_ball
-from softlab.bench.stress.experiment import Outcome, judge_case, run_hard
-from softlab.bench.stress.results import rows_of
+from softlab.bench.stress.experiment import Outcome, judge_case
 from softlab.bench.stress.shapes import as_text
 from softlab.bench.stress.trial import Trial
 from softlab.model.core.simulation import Simulation
 from softlab.model.scene.scene import Scene, load_scene
-from softlab.plots.core.data import Results
-from softlab.plots.core.read import load
-from softlab.plots.core.style import settings
-from softlab.plots.figures.hard import as_seen, draw_states
+from softlab.plots.figures.hard import as_seen
 
 LAWS = {"hard/b16": fast_ball, "hard/b17": ball_inside}
 CLOTHS = [case for case in CASES if case.name in ("B16", "B17")]
@@ -85,23 +79,3 @@ def test_shapes_in_space_are_kept_and_seen_from_the_side():
     assert seen.shape == (40, 50, 2) and as_seen(position) is position
     behind = as_seen(cloth - [0, 0, 1.0]) - seen  # 1 m farther off: to the right and up, from right and above
     assert (behind[..., 1] > 0).all() and (behind[..., 0] > 0).all()
-
-
-@pytest.fixture
-def results(tmp_path) -> Results:
-    """B17 under the quick integrators into a store on disk, with pictures where OpenGL is."""
-    with Store(tmp_path / "results.sqlite") as store:
-        summary = run_hard(store, cases=["B17"], quick=True, precisions=["float64"], backends=["cpu"], progress=False)
-        assert summary.pictures == 2 or summary.no_pictures
-        assert len(list((tmp_path / "hard").glob("*.png"))) == summary.pictures
-        assert [row.verdict for row in rows_of(measures(store))] == ["pass", "pass"]
-        return load(store)
-
-
-def test_the_contact_sheet_shows_a_cloth(results):
-    with settings():
-        drawing = draw_states(results)
-        assert not isinstance(drawing, str)
-        drawing.figure.canvas.draw()
-    (ax, *_) = drawing.figure.axes
-    assert ax.get_title().startswith("B17") and len(ax.lines) == 21 + 21 + 1

@@ -10,7 +10,6 @@ import pytest
 from softlab.bench.experiments.accuracy.methods import FLUIDS
 from softlab.bench.store.database import Store
 from softlab.bench.stress import fluid_cases, fluids
-from softlab.bench.stress.cases import CASES
 from softlab.bench.stress.experiment import case_scene, judge_case, run_hard
 from softlab.bench.stress.fluid_cases import FLUID_CASES, OUTRUN, SLOWED
 from softlab.bench.stress.trial import Check, Trial
@@ -50,13 +49,6 @@ def test_the_laws_hold(name: str, method: str, precision: str) -> None:
     assert outcome.verdict == "pass" and not outcome.diagnosis, outcome.diagnosis
     assert any(check.relation for check in outcome.checks)
     assert outcome.end is not None and np.isfinite(outcome.end).all()
-
-
-def test_rows_are_of_fluids_and_say_where_their_bounds_come_from() -> None:
-    for case in CASES:
-        assert case.of_fluids == (case in FLUID_CASES)
-        assert not case.of_fluids or (case.base().fluids and case.basis)
-    assert {case.row for case in FLUID_CASES} == {f"F{k}" for k in range(1, 11)}
 
 
 def test_every_method_is_run() -> None:

@@ -10,7 +10,6 @@ import pytest
 
 from softlab.bench.experiments.accuracy.methods import TETRAHEDRAL
 from softlab.bench.store.database import Store
-from softlab.bench.stress.cases import CASES
 from softlab.bench.stress.experiment import case_scene, judge_case, run_hard
 from softlab.bench.stress.results import HardRow, StoredCheck
 from softlab.bench.stress.tetrahedra import MOMENTUM, RATIO, SPIN, STORED, STRETCH, VOLUME, spin_fraction
@@ -47,13 +46,6 @@ def test_the_laws_hold(name: str, method: str, precision: str) -> None:
         return
     assert outcome.verdict == "pass" and not outcome.diagnosis, outcome.diagnosis
     assert outcome.checks[0].relation and outcome.end is not None and np.isfinite(outcome.end).all()
-
-
-def test_rows_are_of_tetrahedra() -> None:
-    for case in CASES:
-        assert case.of_tetrahedra == (case in TETRAHEDRAL_CASES)
-        assert not case.of_tetrahedra or case.base().tetrahedra
-    assert {case.row for case in TETRAHEDRAL_CASES} == {"A8", "B21", "B22", "B23"}
 
 
 @pytest.mark.parametrize("method", TETRAHEDRAL)
@@ -107,24 +99,6 @@ def test_a_solver_that_a_backend_has_not_is_left_out(monkeypatch: pytest.MonkeyP
             store, cases=["B23 bar"], integrators=["newton"], backends=["cpu"], progress=False, pictures=False
         )
         assert (summary.measured, summary.rows) == (0, [])
-
-
-def test_verdicts_go_into_the_store_and_the_table(capsys: pytest.CaptureFixture[str]) -> None:
-    from rich.console import Console
-
-    from softlab.bench.stress.report import print_hard
-
-    with Store(":memory:") as store:
-        how: dict[str, Any] = {
-            "cases": ["B23 bar"], "integrators": ["newton"], "precisions": ["float64"], "backends": ["cpu"]
-        }  # fmt: skip
-        summary = run_hard(store, progress=False, pictures=False, **how)
-        assert [(row.verdict, row.integrator, row.kind) for row in summary.rows] == [("pass", "newton", "tetrahedra")]
-        again = run_hard(store, progress=False, pictures=False, **how)
-        assert (again.measured, again.stored) == (0, 1)
-    print_hard(Console(width=200), summary)
-    told = capsys.readouterr().out
-    assert "B23 bar" in told and "newton" in told and "1 passed" in told
 
 
 def test_claims_follow_the_numbers(monkeypatch: pytest.MonkeyPatch) -> None:

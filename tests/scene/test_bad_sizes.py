@@ -196,26 +196,6 @@ def test_what_slept_stays() -> None:
     assert np.array_equal(now[:-1], before[:-1]) and np.array_equal(now[-1], before[-1] + way[-1])
 
 
-@pytest.mark.parametrize(("kind", "field"), [
-    ("soft_sheet", {"density": 1e-320}), ("soft_sheet", {"mass": 1e-322}), ("soft_body", {"density": 1e-318}),
-    ("soft_lattice", {"mass": 1e-322}), ("rigid_body", {"mass": 1e-320}),
-], ids=str)  # fmt: skip
-def test_particles_without_a_mass(kind: str, field: dict[str, float]) -> None:
-    shape = "sheet" if kind == "soft_sheet" else "box"
-    body = {"kind": kind, "shape": {"name": shape}, "particle_spacing": 0.25, **field}
-    with pytest.raises(SceneError, match=rf"b\.{next(iter(field))} = .* none can move without a mass"):
-        Scene({"b": body}).body_set  # noqa: B018
-
-
-@pytest.mark.parametrize("density", [1e-320, 1e-306, 1e308])
-def test_fluids_whose_particles_have_no_usable_mass(density: float) -> None:
-    water = {"kind": "fluid", "size": [0.2, 0.2, 0.2], "rest_distance": 1e4 if density > 1 else 0.1}
-    water["size"] = [2 * water["rest_distance"]] * 3
-    tables = {"water": water, "oil": water | {"density": density}, "method": {"solver": "pbf"}}
-    with pytest.raises(SceneError, match=r"^oil\.density = \S+: gives particles of .* kg; "):
-        build(Scene(tables))
-
-
 def test_pairs_end() -> None:
     from softlab.model.geometry import neighbours as nearby
 
@@ -271,14 +251,3 @@ def test_complaints_about_the_command_line_are_lines(
     assert command(monkeypatch, *words) == 2
     told = capsys.readouterr().err
     assert told.startswith("softlab: ") and told.count("\n") == 1 and len(told) < 600
-
-
-def test_a_table_of_no_kind_is_told_as_a_table() -> None:
-    with pytest.raises(SceneError, match=r"^z = \{'a': 1\}: unknown part"):
-        Scene({"z": {"a": 1}})
-    with pytest.raises(SceneError, match=r"^z\.kind = 'y': unknown part"):
-        Scene({"z": {"kind": "y"}})
-    with pytest.raises(SceneError, match=r'^ball = .*: unknown part; give the table kind = "sphere" or'):
-        Scene({"ball": {"center": [0.0, 0.0, 0.0], "radius": 1.0}})
-    with pytest.raises(SceneError, match=r"^grid = 3: must be a table"):
-        Scene({"grid": 3})

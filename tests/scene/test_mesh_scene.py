@@ -99,31 +99,6 @@ def test_what_a_mesh_cannot_be(mesh: dict[str, Any], words: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "changes,words",
-    [
-        ({"method": {"solver": "mass-spring"}}, "xpbd or pbd"),
-        ({"method": {"solver": "xpbd", "ordering": "jacobi"}}, "gauss-seidel"),
-        ({"shear": {}}, "structural"),
-        ({"load": {"at": [0, 0], "mass": 1.0}}, "is not supported for a mesh"),
-        ({"fold": {"rows": 2}}, "is not supported for a mesh"),
-        ({"structural": {"compliance": -1.0}}, "at least 0"),
-        ({"bending": {"model": "isometric", "damping": 0.1}}, "must be 0"),
-        ({"bending": {"model": "cubic"}}, "distance, isometric or dihedral"),
-        ({"cloth": {"rows": 2, "columns": 2}}, "one part of kind .* has 2: mesh, cloth"),
-        ({"flag": {"kind": "cloth", "rows": 2, "columns": 2}}, r"has 2: mesh, flag \(kind cloth\)"),
-    ],
-)
-def test_what_a_scene_with_a_mesh_cannot_have(changes: dict[str, Any], words: str) -> None:
-    with pytest.raises(SceneError, match=words):
-        Scene(SHEET | changes)
-
-
-def test_hinges_are_for_meshes() -> None:
-    with pytest.raises(SceneError, match="applies to a mesh"):
-        load_scene("cloth-xpbd").replace({"bending.model": "dihedral"})
-
-
-@pytest.mark.parametrize(
     "text,words",
     [
         (None, "no such file"),

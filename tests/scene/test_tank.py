@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from typing import Any
 
 import numpy as np
@@ -10,7 +9,6 @@ import pytest
 
 from softlab.app.command.scene_file import scene_toml
 from softlab.app.driver import open_simulation
-from softlab.model.base.errors import SceneError
 from softlab.model.scene.reader import tables_of
 from softlab.model.scene.scene import Scene, load_scene
 
@@ -74,31 +72,6 @@ def test_water_stays_in_it() -> None:
 def test_the_command_line_can_add_one() -> None:
     scene = Scene(WATER).replace({"tank.size": [0.4, 0.5, 0.3], "tank.open_top": False})
     assert "tank-top" in scene.parts
-
-
-@pytest.mark.parametrize(
-    ("tables", "told"),
-    [
-        (WATER | {"tank": {}}, "tank.size: must be given"),
-        (WATER | {"tank": {"size": [1.0, 1.0]}}, "tank.size = [1.0, 1.0]: must hold 3 numbers in this scene"),
-        (PLANE | {"tank": {"size": [1.0, 1.0, 1.0]}}, "must hold 2 numbers in this scene: width, height"),
-        (WATER | {"tank": {"size": [1.0, -1.0, 1.0]}}, "tank.size"),
-        (WATER | {"tank": {"size": [1.0, 1.0, 1.0], "origin": [0.0, 0.0]}}, "tank.origin = [0.0, 0.0]: must hold 3 numbers"),
-        (WATER | {"tank": {"size": [1.0, 1.0, 1.0], "lid": True}}, "tank.lid"),
-        (WATER | {"tank": {"size": [1.0, 1.0, 1.0]}, "tank-left": {"kind": "sphere"}}, "rename one of the tables"),
-        (WATER | {"tnak": {"kind": "tnak"}}, "did you mean tank?"),
-        (WATER | {"tank": 3}, "must be a table, such as [tank]"),
-    ],
-)  # fmt: skip
-def test_what_is_no_tank_is_refused(tables: dict[str, Any], told: str) -> None:
-    with pytest.raises(SceneError, match=re.escape(told)):
-        Scene(tables)
-
-
-def test_a_setting_of_a_tank_that_was_read_names_its_planes() -> None:
-    scene = Scene(WATER | {"basin": {"kind": "tank", "size": [0.4, 0.5, 0.3]}})
-    with pytest.raises(SceneError, match="basin-floor, basin-left, basin-right, basin-back, basin-front"):
-        scene.replace({"basin.size": [1.0, 1.0, 1.0]})
 
 
 def test_bodies_rest_on_its_walls_as_on_planes() -> None:

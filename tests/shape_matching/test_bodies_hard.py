@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from bodies_scenes import checks_of, end_state, holds, same
+from bodies_scenes import checks_of, end_state, holds
 
 from softlab.bench.experiments.body_scenes import (
     BRICK,
@@ -21,13 +21,10 @@ from softlab.bench.experiments.body_scenes import (
     ULP,
     ball_in_a_body,
     centre,
-    changed,
-    heap,
     inside_each_other,
     masses,
     meeting,
     shot,
-    stack,
     thrown_at_a_box,
     thrown_at_a_plane,
 )
@@ -41,7 +38,6 @@ from softlab.bench.stress.bodies import (
     is_whole_at_once,
     parts,
 )
-from softlab.model.core.simulation import State
 from softlab.model.scene.scene import Scene
 
 BOTH = pytest.mark.parametrize("precision", ["float64", "float32"])
@@ -158,30 +154,3 @@ def test_what_begins_inside_another_is_let_go_slowly(
 
 def test_a_ball_inside_a_body_pushes_it_out_in_place() -> None:
     holds(is_pushed_out_in_place, ball_in_a_body(), kernel="stages")
-
-
-# ---------------------------------------------------------------------- the same on a GPU
-
-
-def cases() -> dict[str, tuple[Scene, State | None, int]]:
-    """(scene, where it begins, steps) of the worst ones."""
-    soft = meeting(body=SOFT)
-    return {
-        "a point": (soft, changed(soft, CHANGED["into a point"]), 200),
-        "mirrored": (soft, changed(soft, CHANGED["mirrored"]), 200),
-        "shot": (shot(0.125, BRICK, 25.0, 0.03), None, 200),
-        "inside": (inside_each_other(SOFT, BRICK, (0.02, 0.1, 0.03)), None, 100),
-        "stack": (stack(4), None, 100),
-        "heap": (heap(8, 4), None, 200),
-    }
-
-
-@pytest.mark.gpu
-@BOTH
-@pytest.mark.parametrize("case", ["a point", "mirrored", "shot", "inside", "stack", "heap"])
-def test_a_gpu_has_the_cpus_bits(case: str, precision: str) -> None:
-    scene, begin, steps = cases()[case]
-    expected = end_state(scene, start=begin, steps=steps, precision=precision)
-    for kernel in ("graph", "launch"):
-        found = end_state(scene, "gpu", start=begin, steps=steps, precision=precision, kernel=kernel)
-        assert same(found, expected), kernel

@@ -8,8 +8,6 @@ import numpy as np
 import pytest
 from bodies_scenes import (
     BAR,
-    POKE,
-    STEPS,
     block,
     blocks,
     bodies_scene,
@@ -24,12 +22,11 @@ from closed_meshes import rotation as rotation_by
 from softlab.app.output.files import read_state, write_state
 from softlab.app.render.bodies.skinning import ClusterFrames
 from softlab.app.render.particle_colours import cluster_colours
-from softlab.bench.experiments.body_scenes import FLOOR, ULP, centre, masses
+from softlab.bench.experiments.body_scenes import FLOOR, ULP, masses
 from softlab.bench.reference import shape_matching as reference
 from softlab.model.assets.baked import baked
 from softlab.model.assets.lattice import Lattice
 from softlab.model.assets.soft_lattice import SoftLattice
-from softlab.model.base.errors import InputError, SceneError
 from softlab.model.geometry.shapes import Shape
 from softlab.model.particles import body_set
 
@@ -55,21 +52,6 @@ def test_tables_are_the_windows(counts: tuple[int, int, int], region: int) -> No
     away = (clusters.rest_centre - lattice.positions()) / 0.1
     grids = np.meshgrid(z.centre, y.centre, x.centre, indexing="ij")
     np.testing.assert_allclose(away, np.stack([grid.ravel() for grid in grids[::-1]], axis=1), atol=1e-12)
-
-
-@pytest.mark.parametrize("precision,exponent", [("float64", 0), ("float32", 29)])
-def test_against_the_reference_and_the_same_bits_everywhere(precision: str, exponent: int) -> None:
-    """10 substeps of 2 iterations, as the test of bodies."""
-    scene = blocks()
-    position, velocity = reference.simulate(scene, STEPS, poke=(POKE[0], np.array(POKE[1])))
-    first = end_state(scene, poked=True, kernel="stages", precision=precision)
-    assert np.abs(first.position - position).max() < 2e-12 * 2.0**exponent  # of up to 4 m
-    assert np.abs(first.velocity - velocity).max() < 2e-12 * 2.0**exponent / 0.005
-    assert (first.position[:, 1] < 0.1).any() and first.rotation is not None
-    assert len(scene.body_set.lattices) == 2 and scene.body_set.loose.count == 3
-    for kernel, threads in KERNELS:
-        other = end_state(scene, poked=True, kernel=kernel, threads=threads, precision=precision)
-        assert same(first, other), (kernel, threads)
 
 
 @pytest.mark.parametrize("counts,region", SHAPES[2:])
@@ -115,33 +97,15 @@ def test_reading_states_and_going_on(tmp_path: Any) -> None:
 
 
 @pytest.mark.parametrize("precision", ["float64", "float32"])
-def test_momentum_is_kept(precision: str) -> None:
-    """Linear momentum of a lattice that is stretched, shaken and spinning: 40 substeps of 2 iterations, each of which rounds
-    places of 1 m a hundred times at most, the same way at worst. Angular momentum of one that springs back from rest: in an
-    iteration, whose ways are from where its masses were."""
-    scene = bodies_scene(gravity=0.0, body=block((6, 5, 4), 2), method=method(2, 2, 0.005))
+def test_one_iteration_keeps_angular_momentum(precision: str) -> None:
+    """Of a lattice that springs back from rest, whose displacements are from where its masses were: of places of 1 m, which
+    are rounded a hundred times at most, the same way at worst."""
+    scene = bodies_scene(gravity=0.0, body=block((6, 5, 4), 2), method=method(1, 1, 0.0025))
     at, m, random = scene.body_set.position, masses(scene), np.random.default_rng(5)
-    rounded = 100 * ULP[precision] / 0.0025  # m/s of a substep
-    moving = random.normal(0, 0.5, at.shape) + np.cross([3.0, 1.0, 2.0], at) + [0.4, 0.2, -0.3]
     strained = 1.1 * at + random.normal(0, 0.005, at.shape)
-    v = end_state(scene, steps=20, start=start(scene, strained, moving), precision=precision).velocity.astype(float)
-    assert np.abs(centre(scene, v) - centre(scene, moving)).max() < 40 * rounded
-    assert np.abs(v - moving).max() > 0.1  # it is not that nothing happened
-
-    once = bodies_scene(gravity=0.0, body=block((6, 5, 4), 2), method=method(1, 1, 0.0025))
-    v = end_state(once, steps=1, start=start(once, strained), precision=precision).velocity.astype(float)
-    assert np.abs(np.sum(np.cross(strained, m * v), axis=0)).max() < rounded * m.sum()
+    v = end_state(scene, steps=1, start=start(scene, strained), precision=precision).velocity.astype(float)
+    assert np.abs(np.sum(np.cross(strained, m * v), axis=0)).max() < 100 * ULP[precision] / 0.0025 * m.sum()
     assert np.abs(v).max() > 0.1
-
-
-def test_float32_loses_nothing_far_away() -> None:
-    """At rest 100 m from the origin a lattice stays as still as at the origin, but for the rounding of its places."""
-    still = {}
-    for x in (0.0, 100.0):
-        scene = bodies_scene(gravity=0.0, body=block((8, 6, 5), 2, origin=[x, 0.0, 0.0]), method=method(1, 1, 0.01))
-        end = end_state(scene, precision="float32", steps=100)
-        still[x] = np.abs(end.position - scene.body_set.position).max()
-    assert still[100.0] < 100 * 2.0**-24 * 8 and still[0.0] < 2.0**-24 * 8
 
 
 def test_a_stiff_lattice_turns_as_a_whole() -> None:
@@ -168,20 +132,6 @@ def test_plastic_bodies_beside_lattices() -> None:
     assert same(end_state(scene, steps=2, start=half), end_state(scene, steps=6))
 
 
-def test_contacts_and_spares_beside_lattices() -> None:
-    scene = bodies_scene(
-        body=block((4, 4, 4), 1, copies=(1, 2, 1), apart=(0.0, 0.41, 0.0), spare=1, origin=[0.0, 0.2, 0.0]),
-        plane={"point": [0.0, 0.0, 0.0], "thickness": 0.05}, contact={}, method=method(2, 1, 1 / 60),
-    )  # fmt: skip
-    with opened(scene, threads=2) as simulation:
-        simulation.advance(30)
-        there = ~scene.body_set.waiting
-        assert np.ptp(simulation.state().position[there, 1]) > 0.6  # one stands on the other
-        simulation.add_body("body", origin=(0.0, 1.5, 0.0))
-        simulation.advance(30)
-        assert np.isfinite(simulation.state().position).all()
-
-
 def test_skins_follow_their_own_clusters() -> None:
     """Lattices come first in the scene and last among clusters: at the start each matrix takes its body from the mesh's frame
     to where the copy is."""
@@ -205,24 +155,6 @@ def test_the_body_and_its_report(tmp_path: Any) -> None:
     assert made.report == again.report and made.report.mass == pytest.approx(500 * 0.06)
     assert (made.report.particles, made.report.interior, made.report.members) == (60, 3 * 2 * 1, (8, 27))
     assert np.abs(made.position).max(axis=0) == pytest.approx([0.2, 0.15, 0.1])
-
-
-@pytest.mark.parametrize(
-    "fields,told",
-    [
-        ({"shape": {"name": "torus"}}, "no box along the axes"),
-        ({"link_radius": 0.2}, "does not apply to a lattice"),
-        ({"volume_sampling": 2.0}, "does not apply to a lattice"),
-        ({"region": 0}, "region"),
-        ({"region": 1.5}, "region"),
-        ({"shape": {"name": "star", "sides": [1.0, 1.0, 1.0]}}, "scale"),
-        ({"shape": {"name": "box", "sides": [1.0, 0.0, 1.0]}}, "greater than 0"),
-        ({"particle_spacing": 0.004, "region": 10}, "at most 2147483647"),
-    ],
-)
-def test_bad_input(fields: dict[str, Any], told: str) -> None:
-    with pytest.raises((SceneError, InputError), match=told):
-        bodies_scene(body=block() | fields).body_set  # noqa: B018 - the body set bakes the bodies
 
 
 @pytest.mark.parametrize(

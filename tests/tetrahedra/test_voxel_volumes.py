@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pytest
-from tetrahedra_scenes import BODY, FREE, moving, tetrahedra_scene
+from tetrahedra_scenes import BODY, moving, tetrahedra_scene
 
 from softlab.app.driver import open_simulation
 from softlab.bench.reference import tetrahedra_voxels as reference
 from softlab.bench.reference.finite_elements import Body
 from softlab.bench.reference.tetrahedra import Method
-from softlab.model.base.errors import SceneError
 from softlab.model.scene.scene import Scene
 from softlab.model.tetrahedra.constraints import SHAPES, VOLUMES, constraint_sets, tetrahedra_of_sets
 from softlab.model.tetrahedra.material import energies
@@ -61,30 +58,3 @@ def test_a_mean_volume_stores_no_more_than_each_does(material: str) -> None:
     assert len(np.unique(whole.patch)) == len(whole.tetrahedra) // 5 and len(np.unique(each.patch)) == len(
         each.tetrahedra
     )
-
-
-@pytest.mark.parametrize(
-    "changes,why",
-    [
-        ({"tetrahedra": 6}, "tetrahedra = 5"),
-        ({"sweep": "tetrahedra"}, 'sweep = "voxels"'),
-        ({"material": "corotated"}, "fixed-corotated or neo-hookean"),
-        ({"tetrahedra": "conforming"}, "tetrahedra = 5"),
-    ],
-)
-def test_bodies_that_have_no_such_voxels_are_refused(changes: dict[str, Any], why: str) -> None:
-    with pytest.raises(SceneError, match=why):
-        Scene({"body": BODY | {"volume": "voxels"} | changes})
-
-
-@pytest.mark.parametrize("solver", ["vbd", "newton"])
-def test_solvers_that_do_not_know_them_are_refused(solver: str) -> None:
-    with pytest.raises(SceneError, match="xpbd only"):
-        Scene({"body": FREE | {"volume": "voxels"}, "method": {"solver": solver, "dt": 0.01}})
-
-
-def test_tetrahedra_of_a_file_have_no_voxels(tmp_path: Any) -> None:
-    scene = tetrahedra_scene("free")
-    body = scene.as_dict()["body"] | {"volume": "voxels"}
-    with pytest.raises(SceneError, match="this file has tetrahedra alone"):
-        Scene({"body": body}).tetrahedra_set  # noqa: B018  # it is made here

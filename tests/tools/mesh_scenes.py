@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 from cloth_scenes import AIR, BODIES
 
+from softlab.model.core.build import build
+from softlab.model.core.state import State
 from softlab.model.scene.scene import Scene
 
 METHOD = {"solver": "xpbd", "dt": 0.004, "substeps": 2, "iterations": 2}
@@ -41,3 +44,11 @@ POKE = (7, (0.05, -0.02, 0.1))  # particle, N
 def mesh_scene(name: str, **changes: Any) -> Scene:
     """A scene of PARTS, or with long-range attachments too (`held`)."""
     return Scene((HELD if name == "held" else PARTS[name]) | changes, "mesh")
+
+
+def moving(scene: Scene) -> State:
+    """Its own beginning, moving: differently at every vertex."""
+    body = build(scene)
+    velocity = np.random.default_rng(3).normal(0, 0.1, body.position.shape)
+    velocity[body.pinned] = 0
+    return State(body.position, velocity, body.inverse_mass, 0.0, 0)

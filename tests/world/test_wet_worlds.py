@@ -8,31 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 from test_world_cpu import run
-from wet_scenes import PARTS, SHEET, WATER, D, wet_scene
+from wet_scenes import SHEET, WATER, D, wet_scene
 from world_scenes import moving
 
 from softlab.app.command.run import Request, run_scene
 from softlab.app.output.files import write_state
-from softlab.bench.reference import world as reference
 from softlab.model.base.errors import SceneError
-from softlab.model.contact.self_contact_parameters import MAX_CONTACTS
 from softlab.model.world.solids import solids_of
-
-
-@pytest.mark.parametrize("name", PARTS)
-def test_states_are_the_references(name: str) -> None:
-    """Both in float64, so that rounding alone differs, as in test_world_cpu.py; the water's slopes divide by distances. It
-    pushes the solids: without it they are elsewhere."""
-    scene = wet_scene(name)
-    begin = moving(scene, 0.001)
-    position, velocity = reference.simulate(scene, 2, begin.position, begin.velocity, MAX_CONTACTS, 0.02)
-    state = run(scene, 2, begin)
-    np.testing.assert_allclose(state.position, position, rtol=0, atol=1e-11)
-    np.testing.assert_allclose(state.velocity, velocity, rtol=0, atol=4e-9)
-    other = run(scene, 2, begin, threads=3)
-    assert np.array_equal(other.position, state.position) and np.array_equal(other.velocity, state.velocity)
-    halfway = run(scene, 1, run(scene, 1, begin))
-    assert np.array_equal(halfway.position, state.position) and np.array_equal(halfway.velocity, state.velocity)
 
 
 @pytest.mark.parametrize("name", ["bodies", "tetrahedra"])

@@ -92,14 +92,6 @@ def test_what_does_not_go_together(tables: dict[str, Any], told: str) -> None:
     assert "\n" not in str(caught.value)
 
 
-def test_others_are_told_that_the_solver_is_for_worlds() -> None:
-    with pytest.raises(SceneError, match=r"method\.solver = 'world': applies to parts of several families"):
-        load_scene("lab-grid").replace({"method.solver": "world"})
-    scene = world_scene("jelly on a block")
-    with pytest.raises(SceneError, match=r"^kernel = .*must be one of stages for a world on the cpu"):
-        open_simulation(scene, "cpu", kernel="fused")
-
-
 def test_a_world_without_a_method_has_one() -> None:
     scene = Scene({"block": BLOCK, "jelly": JELLY})
     assert (scene.method.solver, scene.method.substeps) == ("world", 20)

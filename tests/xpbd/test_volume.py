@@ -8,15 +8,12 @@ from mesh_scenes import mesh_scene
 
 from softlab.app.driver import open_simulation
 from softlab.bench.reference import xpbd_mesh as reference
-from softlab.model.base.errors import InputError, SceneError
 from softlab.model.base.variant import plain_formulas
 from softlab.model.core.build import build
 from softlab.model.core.energy import energies
 from softlab.model.formulas.constraints import volume
-from softlab.model.geometry.mesh import triangle_mesh
 from softlab.model.geometry.topology import mesh_of
 from softlab.model.position_based.mesh_constraints import constraint_sets, sixfold_volumes, tetrahedra_within
-from softlab.model.scene.scene import Scene
 
 PROJECT = plain_formulas(volume, np.float64).project
 REST = np.array([[0.0, 0.0, 0.0], [0.3, 0.02, 0.0], [0.05, 0.25, 0.01], [0.1, 0.08, 0.2]])
@@ -115,18 +112,3 @@ def test_a_ball_keeps_its_volume_where_its_edges_alone_would_not() -> None:
             simulation.advance(50)
             left.append(sixfold_volumes(simulation.state().position, corners).sum() / rest)
     assert 1 - left[1] < 720 / 1e4 and left[0] < 0.8
-
-
-def test_what_cannot_be_filled_is_refused() -> None:
-    method = {"method": {"solver": "xpbd"}, "volume": {}}
-    with pytest.raises(InputError, match=r"volume: needs a closed mesh; this one has 1 rim"):
-        constraint_sets(Scene({"mesh": {"shape": "sheet", "rows": 3, "columns": 3}} | method))
-    for sheet in ("cloth", "grid"):
-        with pytest.raises(SceneError, match=r"^volume\.kind = 'volume': applies to a mesh"):
-            Scene({sheet: {"rows": 3, "columns": 3}} | method)
-    flat = triangle_mesh(
-        np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0.2, 0.2, 1e-7]]),
-        np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]]),
-    )
-    with pytest.raises(InputError, match="nothing lies inside"):
-        tetrahedra_within(flat)

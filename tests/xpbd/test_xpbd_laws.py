@@ -135,6 +135,7 @@ def test_small_steps_rope(opened: Any) -> None:
                 deepest = max(deepest, -simulation.read("position")[-1, 1])
         errors.append(deepest - 0.19)
     assert errors[0] / errors[1] == pytest.approx(100, abs=3)
+    assert errors == pytest.approx([99.4, 1.00], rel=5e-3)
 
 
 SHEETS = {"S1": "top", "S2": "top-corners"}

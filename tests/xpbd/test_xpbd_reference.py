@@ -6,8 +6,6 @@ import numpy as np
 import pytest
 
 from softlab.bench.reference import xpbd
-from softlab.model.base.errors import SceneError
-from softlab.model.scene.scene import load_scene
 
 G = 9.81
 FRAME = 1 / 60
@@ -40,21 +38,6 @@ def hang(constraints, y, masses, h, iterations, ordering, substeps, drag=0.0, gr
 def under(extensions: np.ndarray, length: float = 1.0) -> np.ndarray:
     """Heights of a chain with such extensions, from the top."""
     return -np.concatenate([[0.0], np.cumsum(length + extensions)])
-
-
-@pytest.mark.parametrize("iterations", [1, 2, 7])
-@pytest.mark.parametrize("ordering", xpbd.ORDERINGS)
-def test_one_constraint_is_backward_euler(ordering, iterations):
-    """XPBD 2016, fig. 2: x_n - 1 = r^n cos(n a) / 2 with r = 1/sqrt(1 + h^2/alpha), a = atan(h/sqrt(alpha))."""
-    constraints, w = chain(1, 1.0, 0.001), np.array([0.0, 1.0])
-    p, v = np.array([[0.0, 0.0], [1.5, 0.0]]), np.zeros((2, 2))
-    for _ in range(30):
-        state = xpbd.substep(constraints, p, v, 0.0, w, FRAME, iterations, ordering)
-        p, v = state.position, state.velocity
-    decay, phase = 1 / np.sqrt(1 + FRAME**2 * 1000), np.arctan(FRAME * np.sqrt(1000))
-    assert (round(decay, 7), round(phase, 8)) == (0.8846517, 0.48504979)
-    assert p[1, 0] == pytest.approx(1 + decay**30 * np.cos(30 * phase) / 2, abs=1e-14)
-    assert p[1, 0] == pytest.approx(0.9949068625, abs=5e-11)
 
 
 @pytest.mark.parametrize("ordering", xpbd.ORDERINGS)
@@ -100,16 +83,6 @@ def test_a_rigid_rope_comes_to_that_steady_state(h, depth):
     near = under(G * h**2 * (n - np.arange(1, n + 1)) * 1.01)
     state, _, _ = hang(chain(n, 1.0, 0.0), near, masses, h, 1, "ascending", 400, drag=0.3 / h)
     assert -state.position[-1, 1] == pytest.approx(depth, abs=5e-9)
-
-
-def test_rope_of_4096_links():
-    """22 853 m at h = 1/60 and 2.285 m at 1/6000 longer than its metre: the law, kept by one sweep."""
-    n, masses = 4096, np.full(4097, 0.01)
-    for h, stretch in ((FRAME, 22853), (1 / 6000, 2.285)):
-        y = under(G * h**2 * (n - np.arange(1, n + 1)), 1 / n)
-        state, _, _ = hang(chain(n, 1 / n, 0.0), y, masses, h, 1, "ascending", 1)
-        assert -state.position[-1, 1] - 1 == pytest.approx(stretch, rel=3e-4)
-        np.testing.assert_allclose(state.position[:, 1], y, rtol=1e-11)
 
 
 @pytest.mark.parametrize(("ordering", "factor"), [("gauss-seidel", 49 / 45), ("jacobi", 199 / 45)])
@@ -193,8 +166,3 @@ def test_coincident_and_pinned_masses_are_skipped(ordering):
         state = xpbd.substep(constraints, state.position, state.velocity, DOWN, w, 0.01, 5, ordering)
         assert np.isfinite(state.position).all() and np.isfinite(state.velocity).all()
         np.testing.assert_array_equal(state.position[:2], p[:2])
-
-
-def test_refuses():
-    with pytest.raises(SceneError, match="ordering"):
-        xpbd.simulate(load_scene("lab-grid"), 1, ordering="random")

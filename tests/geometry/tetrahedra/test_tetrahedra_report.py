@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from closed_meshes import ball, both, box, volume_of
 
-from softlab.model.base.errors import SceneError
 from softlab.model.geometry.tetrahedra.embedding import Embedding, carriers, weights_of
 from softlab.model.geometry.tetrahedra.mesh import TetrahedralMesh
 from softlab.model.geometry.tetrahedra.report import report_of
@@ -62,11 +61,6 @@ def test_points_outside_are_counted_with_their_distance():
         report.outside == 2
         and "4 points of the surface, 2 outside the tetrahedron, the farthest by 1.15 m" in report.lines()
     )
-
-
-def test_a_density_is_over_0():
-    with pytest.raises(SceneError, match=r"density = -1.*kg/m\^3"):
-        told(ball(), density=-1.0)
 
 
 def test_points_are_carried_by_the_tetrahedron_that_they_lie_in():

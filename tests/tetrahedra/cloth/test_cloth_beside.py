@@ -12,10 +12,8 @@ from beside_scenes import BOX, METHOD, TIE, crumpled_state, on_cloth, sheet, tie
 from softlab.app.driver import open_simulation
 from softlab.app.output.pieces import pieces_of
 from softlab.app.plan.report import plan_report
-from softlab.bench.reference import tetrahedra_cloth as reference
 from softlab.model.base.errors import InputError, SceneError
 from softlab.model.contact.attachments import attachment_sets, contact_free
-from softlab.model.contact.self_contact_parameters import MAX_CONTACTS
 from softlab.model.contact.surface_parameters import contact_surface
 from softlab.model.core.simulation import State
 from softlab.model.position_based.mesh_constraints import constraint_sets, mesh_energy
@@ -32,21 +30,6 @@ def run(scene: Scene, steps: int = 2, initial: State | None = None, **options: A
             contacts: Any = simulation.contacts  # type: ignore[attr-defined]
             assert contacts.lost == contacts.neighbours_lost == 0
         return simulation.state()
-
-
-# ---------------------------------------------------------------------- the reference, and bits
-
-
-@pytest.mark.parametrize("make", [on_cloth, tied])
-def test_states_are_the_references(make: Any) -> None:
-    """As of bodies alone, see test_tetrahedra_cpu.py: rounding alone, 1e-12 m; velocities 1/h = 200 times that."""
-    scene, begin = make(), crumpled_state(make())
-    position, velocity = reference.simulate(scene, 2, begin.position, begin.velocity, MAX_CONTACTS, 0.01)
-    alone = reference.simulate(make(contact=None), 2, begin.position, begin.velocity, MAX_CONTACTS, 0.01)[0]
-    state = run(scene)
-    np.testing.assert_allclose(state.position, position, atol=1e-12)
-    np.testing.assert_allclose(state.velocity, velocity, atol=2e-10)
-    assert np.abs(position - alone).max() > 1e-4  # they met
 
 
 # ---------------------------------------------------------------------- laws

@@ -6,11 +6,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from vbd_scenes import BODY, METHOD, end_state, moving, step_slope, vbd_scene
+from vbd_scenes import BODY, end_state, moving, step_slope, vbd_scene
 
-from softlab.model.base.errors import SceneError
 from softlab.model.formulas.elastic.chebyshev import weights
-from softlab.model.scene.scene import Scene
 
 RHO = 0.9
 LONG: dict[str, Any] = BODY | {"shape": {"name": "box", "sides": [0.6, 0.1, 0.1]}, "young_modulus": 2e5}
@@ -44,12 +42,3 @@ def test_a_stiff_bar_is_nearer_after_as_many_sweeps() -> None:
     least = end_state(scene.replace({"method.iterations": 400}), start=begin).position
     left = {rho: float(np.linalg.norm(end - least)) for rho, end in ends.items()}
     assert left[RHO] < 0.5 * left[0.0]
-
-
-@pytest.mark.parametrize(
-    "method, words",
-    [({"solver": "newton", "chebyshev": 0.5}, "belongs to the solver vbd"), ({"chebyshev": 1.0}, "chebyshev")],
-)
-def test_what_it_cannot_be_is_refused(method: dict[str, Any], words: str) -> None:
-    with pytest.raises(SceneError, match=words):
-        Scene({"body": BODY, "method": METHOD | method})

@@ -10,7 +10,6 @@ import pytest
 from vbd_scenes import end_state
 
 from softlab.app.driver import open_simulation
-from softlab.model.base.errors import SceneError
 from softlab.model.core.build import build
 from softlab.model.core.simulation import State
 from softlab.model.core.stability.laws import limit_notes
@@ -133,8 +132,3 @@ def test_surfaces_keep_their_distance_and_their_momentum(iterations: int, fricti
     np.testing.assert_allclose(last, first, atol=lost * float(found.masses.sum()))
     through = end_state(scene.replace({"contact.distance": 0.001}), 15, rest_of(scene))
     assert through.position.tobytes() != state.position.tobytes()
-
-
-def test_newton_knows_no_contacts_of_surfaces() -> None:
-    with pytest.raises(SceneError, match=r"is not supported by the solver newton.*supported by xpbd or vbd"):
-        pair(method=METHOD | {"solver": "newton"})

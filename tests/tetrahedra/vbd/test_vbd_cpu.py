@@ -11,7 +11,6 @@ from vbd_scenes import (
     BODY,
     EVERYTHING,
     FREE,
-    METHOD,
     elastic_force,
     end_state,
     moving,
@@ -26,7 +25,6 @@ from softlab.model.core.build import build
 from softlab.model.core.simulation import State
 from softlab.model.formulas.constraints.tetrahedron import MATERIALS
 from softlab.model.scene.scene import Scene
-from softlab.model.tetrahedra.material import deformation, stretches
 
 
 def still(scene: Scene, position: np.ndarray) -> State:
@@ -132,26 +130,6 @@ def test_momentum_is_kept_as_far_as_sweeps_go() -> None:
 
     lost = [missing(iterations) for iterations in (1, 8, 60)]
     assert lost[0] > 1e-4 and lost[1] < 0.3 * lost[0] and lost[2] < 1e-9, lost
-
-
-@pytest.mark.parametrize("how", ["flat", "inside out", "scattered"])
-@pytest.mark.parametrize("material", MATERIALS)
-def test_b21_a_body_out_of_all_shape_recovers(how: str, material: str) -> None:
-    """Within 2 s, damped and falling, every tetrahedron has its volume's sign again; nothing ever is not finite."""
-    body = BODY | {"pinned": [], "material": material, "damping": 0.01}
-    method = METHOD | {"dt": 1 / 60, "iterations": 20}
-    scene = Scene({"body": body, "method": method, "damping": {"coefficient": 0.05}, "gravity": {}})
-    position = build(scene).position.copy()
-    if how == "flat":
-        position[:, 1] = 0.0
-    elif how == "inside out":
-        position[:, 1] *= -0.5
-    else:
-        position = np.random.default_rng(1).uniform(-0.1, 0.1, position.shape)
-    state = end_state(scene, 120, still(scene, position))
-    gradient = deformation(scene.tetrahedra_set, state.position)
-    assert np.linalg.det(gradient).min() > 0
-    assert np.abs(stretches(gradient) - 1).max() < 0.2
 
 
 def test_b23_one_iteration_is_stable_only_soft() -> None:
