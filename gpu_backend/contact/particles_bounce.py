@@ -16,8 +16,9 @@ from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.quads import load_quad, store_quad
 from softlab.model.base.types import Real
 from softlab.model.base.variant import FEATURE, Variant, inlined_routine, real, routine
-from softlab.model.contact.particle_parameters import G_DISTANCE, G_SELF_DISTANCE, H_RESTITUTION, H_SETTLING
-from softlab.model.formulas.particle_contact import added, direction, lacking, moved, parting, split, squared
+from softlab.model.contact.particle_contacts import lack_along
+from softlab.model.contact.particle_parameters import G_DISTANCE, G_SELF_DISTANCE
+from softlab.model.formulas.particle_contact import added, direction, moved, split, squared
 from softlab.model.formulas.particle_contact import touching as touches
 
 
@@ -28,8 +29,7 @@ def lack_of(i, j, state, w, position, old, record, kinds_of, travel, pressed):
     `state`:
     position, old and new velocity of i; `kinds_of`: (body, kind, kinds); `pressed`: their contact in the substep.
 
-    Two particles of rigid bodies, which have slacks in `travel` (shape_matching/rigid.py), separate as those do, even
-    without restitution.
+    Particles of rigid bodies have slacks in `travel` (shape_matching/rigid.py).
     """
     (p, o, v), (body, kind, kinds) = state, kinds_of
     q, (row, same) = load_quad(position, j), pair_of(i, j, body, kind, kinds)
@@ -40,15 +40,10 @@ def lack_of(i, j, state, w, position, old, record, kinds_of, travel, pressed):
         u = load_quad(old, j)
         _, nx, ny, nz = direction(dx, dy, dz, distance, i < j)
         before, now = (o[0] - u[0], o[1] - u[1], o[2] - u[2]), (v[0] - w[0], v[1] - w[1], v[2] - w[2])
-        n = nx, ny, nz
-        e, settling = record[H_RESTITUTION], record[H_SETTLING]
+        are_rigid = False
         if FEATURE.rigid_bounce:
-            if load_quad(travel, i)[3] > 0.0 and load_quad(travel, j)[3] > 0.0:
-                lack = parting(before, now, n, e, settling, pressed)
-            elif e > 0.0:
-                lack = lacking(before, now, n, e, settling)
-        else:
-            lack = lacking(before, now, n, e, settling)
+            are_rigid = load_quad(travel, i)[3] > 0.0 and load_quad(travel, j)[3] > 0.0
+        lack = lack_along((nx, ny, nz), before, now, are_rigid, record, pressed)
     return lack, nx, ny, nz
 
 

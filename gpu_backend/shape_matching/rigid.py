@@ -31,8 +31,7 @@ from softlab.gpu_backend.shape_matching.kernels import (
 from softlab.model.assets.clusters import Clusters, whole_clusters
 from softlab.model.base.types import Real
 from softlab.model.base.variant import FEATURE, inlined_routine, routine
-from softlab.model.contact.particle_parameters import H_ASLEEP, H_FASTEST
-from softlab.model.formulas.particle_contact import far, rested, shortened
+from softlab.model.contact.particle_contacts import calmed
 from softlab.model.formulas.shape_matching.cluster import LANES
 from softlab.model.formulas.shape_matching.rebound import rigid as of_body
 from softlab.model.formulas.shape_matching.rigid import carried, rate_over, settled, travelled
@@ -128,17 +127,9 @@ def update_calmed(before, position, velocity, contact_record, record, travel):
     k = np.int32(cuda.grid(1))
     if k < position.size // SIZE:
         b, p, t = load_quad(before, k), load_quad(position, k), load_quad(travel, k)
-        x, y, z, u, v, w = p[0], p[1], p[2], t[0], t[1], t[2]
+        x, y, z = calmed(b, p, contact_record)
+        u, v, w = t[0], t[1], t[2]
         if FEATURE.speed_limit or FEATURE.sleeping:
-            length = far(x - b[0], y - b[1], z - b[2])
-            if FEATURE.speed_limit:
-                most = contact_record[H_FASTEST]
-                x, y = shortened(x, b[0], length, most), shortened(y, b[1], length, most)
-                z = shortened(z, b[2], length, most)
-            if FEATURE.sleeping:
-                least = contact_record[H_ASLEEP]
-                x, y = rested(x, b[0], length, least), rested(y, b[1], length, least)
-                z = rested(z, b[2], length, least)
             u, v, w = carried(u, x, p[0]), carried(v, y, p[1]), carried(w, z, p[2])
         store_state(k, b, x, y, z, position, velocity, record[0], u, v, w, t[3])
 

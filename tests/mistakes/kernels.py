@@ -263,7 +263,7 @@ GPU: tuple[Mistake, ...] = (
         "simulator/test_simulated_particle_contacts.py::test_what_is_projected_is_the_references simulator/test_simulated_particle_contacts.py::test_two_in_one_place_part_upwards_and_downwards",
         {
             "a contact counts from where the particle was (gpu)": ("d = p[0] - q[0], p[1] - q[1], p[2] - q[2]\n                    active", "d = start[0] - q[0], start[1] - q[1], start[2] - q[2]\n                    active"),
-            "who goes down is decided anew (gpu)": ("direction(d[0], d[1], d[2], distance, i < j)", "direction(d[0], d[1], d[2], distance, True)"),
+            "who goes down is decided anew (gpu)": ("d, b, i < j, distance", "d, b, True, distance"),
         },
     ),
     *in_file(
