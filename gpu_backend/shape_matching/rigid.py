@@ -27,14 +27,15 @@ from softlab.gpu_backend.shape_matching.kernels import (
     THREADS,
     TOGETHER,
     displacement_to_goals,
+    motion_of,
 )
 from softlab.model.assets.clusters import Clusters, whole_clusters
 from softlab.model.base.types import Real
 from softlab.model.base.variant import FEATURE, inlined_routine, routine
 from softlab.model.contact.particle_contacts import calmed
 from softlab.model.formulas.shape_matching.cluster import LANES
-from softlab.model.formulas.shape_matching.rebound import rigid as of_body
 from softlab.model.formulas.shape_matching.rigid import carried, rate_over, settled, travelled
+from softlab.model.shape_matching.motions import velocity_at
 from softlab.model.shape_matching.rigid_motion import goal_slack
 
 
@@ -72,7 +73,8 @@ def predict(before, velocity, a, position, record, travel):
 @inlined_routine
 def settled_position(p, k, particle_starts, particle_clusters, particle_members, frames, t):
     """Return the position of particle `k` at `p`, moved towards its goals; `t`: its travel and slack."""
-    x, y, z = displacement_to_goals(p, k, particle_starts, particle_clusters, particle_members, frames)
+    first, last = particle_starts[k], particle_starts[k + ONE]
+    x, y, z = displacement_to_goals(p, first, last, particle_clusters, particle_members, frames)
     return p[0] + settled(x, t[3], p[0]), p[1] + settled(y, t[3], p[1]), p[2] + settled(z, t[3], p[2])
 
 
@@ -142,13 +144,8 @@ def steady(position, velocity, particle_starts, particle_clusters, factors, moti
         p = load_quad(position, k)
         for n in range(particle_starts[k], particle_starts[k + ONE]):
             if factors[n] != 0.0:
-                row = np.int32(ROWS * particle_clusters[n])
-                o, t, s = load_quad(motions, row), load_quad(motions, row + 1), load_quad(motions, row + 2)
-                dx, dy, dz = p[0] - o[0], p[1] - o[1], p[2] - o[2]
-                store_quad(
-                    velocity, k, of_body(t[0], s[1], dz, s[2], dy), of_body(t[1], s[2], dx, s[0], dz),
-                    of_body(t[2], s[0], dy, s[1], dx), 0.0,
-                )  # fmt: skip
+                x, y, z = velocity_at(motion_of(motions, particle_clusters[n]), p[0], p[1], p[2])
+                store_quad(velocity, k, x, y, z, 0.0)
 
 
 @routine
