@@ -15,14 +15,14 @@ from numba import cuda
 from softlab.gpu_backend.contact.motion import collide as touch
 from softlab.gpu_backend.contact.motion import rate_of, settle
 from softlab.gpu_backend.contact.particles_find import CAPACITY, pair_of
-from softlab.gpu_backend.core.compile import kernel_options, kernels_of, make_kernels, variant_name
+from softlab.gpu_backend.core.compile import kernels_of, variant_name
 from softlab.gpu_backend.core.forces import particle_features
 from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.integers import clock
 from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
 from softlab.gpu_backend.core.world import World
 from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, inlined_routine, real, routine
+from softlab.model.base.variant import FEATURE, real, routine
 from softlab.model.contact.particle_contacts import calmed, contact_added
 from softlab.model.contact.particle_parameters import (
     G_ACTIVE,
@@ -53,10 +53,13 @@ def count(position, neighbour_counts, neighbours, record, body, kind, kinds, tou
             store_quad(touching, i, p[0], p[1], p[2], p[3] * real(contacts))
 
 
-@inlined_routine
-def project_one(i, before, position, neighbour_counts, neighbours, record, kinds_of, touching, written):
-    """Project the contacts of particle i; `kinds_of`: (body, kind, kinds); `written`: (travel, pressed, couples)."""
-    (body, kind, kinds), (travel, pressed, couples) = kinds_of, written
+@routine
+def project(
+    before, position, neighbour_counts, neighbours, record, body, kind, kinds, touching, travel, pressed, couples
+):
+    """Move particles, in place. Update the travels (shape_matching/rigid.py) and contact impulses of rigid bodies, and
+    `couples` (shape_matching/couples.py), by which friction turns clusters, if there are any."""
+    i = np.int32(cuda.grid(1))
     if i < neighbour_counts.size:
         neighbour_count, particles = np.int32(min(neighbour_counts[i], CAPACITY)), np.int64(neighbour_counts.size)
         if neighbour_count > 0:
@@ -94,40 +97,6 @@ def project_one(i, before, position, neighbour_counts, neighbours, record, kinds
                     u, v = gathered(c[0], weight, couple[0]), gathered(c[1], weight, couple[1])
                     w = gathered(c[2], weight, couple[2])
                     store_quad(couples, i, u, v, w, 0.0)
-
-
-@routine
-def project_soft(before, position, neighbour_counts, neighbours, record, body, kind, kinds, touching):
-    """Move particles, in place."""
-    i = np.int32(cuda.grid(1))
-    kinds_of, written = (body, kind, kinds), (touching, touching, touching)
-    project_one(i, before, position, neighbour_counts, neighbours, record, kinds_of, touching, written)
-
-
-@routine
-def project_rigid(before, position, neighbour_counts, neighbours, record, body, kind, kinds, touching, travel, pressed):
-    """Do as `project_soft`, and update the travels (shape_matching/rigid.py) and contact impulses of rigid bodies."""
-    i = np.int32(cuda.grid(1))
-    kinds_of, written = (body, kind, kinds), (travel, pressed, touching)
-    project_one(i, before, position, neighbour_counts, neighbours, record, kinds_of, touching, written)
-
-
-@routine
-def project_coupled(before, position, neighbour_counts, neighbours, record, body, kind, kinds, touching, couples):
-    """Do as `project_soft`, and update `couples` (shape_matching/couples.py), by which friction turns clusters."""
-    i = np.int32(cuda.grid(1))
-    kinds_of, written = (body, kind, kinds), (touching, touching, couples)
-    project_one(i, before, position, neighbour_counts, neighbours, record, kinds_of, touching, written)
-
-
-@routine
-def project_all(
-    before, position, neighbour_counts, neighbours, record, body, kind, kinds, touching, travel, pressed, couples
-):
-    """Do as `project_rigid` and `project_coupled`."""
-    i = np.int32(cuda.grid(1))
-    kinds_of, written = (body, kind, kinds), (travel, pressed, couples)
-    project_one(i, before, position, neighbour_counts, neighbours, record, kinds_of, touching, written)
 
 
 @routine
@@ -188,15 +157,11 @@ def make_project(
         "rigid_motion": has_rigid, "couples": has_couples,
     }  # fmt: skip
     variant = device_variant(real, math, features)
-    soft, rigid = (project_coupled, project_all) if has_couples else (project_soft, project_rigid)
-    project = variant.copied(rigid if has_rigid else soft)
-    project.__name__ = "project"
     words = (
         "friction" * has_friction, "adhesion" * has_adhesion, f"own{self_contact:d}", f"many{many:d}", "rigid" * has_rigid,
         "couples" * has_couples,
     )  # fmt: skip
-    kernels = variant.copied(count), project, variant.copied(clear)
-    return make_kernels(kernels, f"particle_contacts_{variant_name(real, math, *words)}", **kernel_options(math))
+    return kernels_of(variant, math, (count, project, clear), f"particle_contacts_{variant_name(real, math, *words)}")
 
 
 @cache

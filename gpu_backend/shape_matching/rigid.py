@@ -79,16 +79,16 @@ def settled_position(p, k, particle_starts, particle_clusters, particle_members,
 
 
 @inlined_routine
-def store_state(k, b, x, y, z, position, velocity, parameters, u, v, w, slack):
-    """Write the position and velocity of particle `k`, of a rigid body from its travel (u, v, w)."""
-    inverse = parameters.inverse_substep
-    vx, vy, vz = rate_of((x, y, z, b[3]), b, parameters)
+def store_state(k, b, p, position, velocity, parameters, travel):
+    """Write the position p and velocity of particle `k`, of a rigid body from its travel (three numbers, slack)."""
+    inverse, (u, v, w, slack) = parameters.inverse_substep, travel
+    vx, vy, vz = rate_of((p[0], p[1], p[2], b[3]), b, parameters)
     if slack > 0.0:
         vx, vy, vz = rate_over(u, inverse), rate_over(v, inverse), rate_over(w, inverse)
         if FEATURE.pins:
             if b[3] == 0.0:
                 vx, vy, vz = 0.0, 0.0, 0.0
-    store_quad(position, k, x, y, z, b[3])
+    store_quad(position, k, p[0], p[1], p[2], b[3])
     store_quad(velocity, k, vx, vy, vz, 0.0)
 
 
@@ -110,8 +110,8 @@ def rate(before, position, velocity, particle_starts, particle_clusters, particl
     k = np.int32(cuda.grid(1))
     if k < position.size // SIZE:
         b, p, t = load_quad(before, k), load_quad(position, k), load_quad(travel, k)
-        x, y, z = settled_position(p, k, particle_starts, particle_clusters, particle_members, frames, t)
-        store_state(k, b, x, y, z, position, velocity, record[0], t[0], t[1], t[2], t[3])
+        q = settled_position(p, k, particle_starts, particle_clusters, particle_members, frames, t)
+        store_state(k, b, q, position, velocity, record[0], t)
 
 
 @routine
@@ -120,7 +120,7 @@ def update(before, position, velocity, record, travel):
     k = np.int32(cuda.grid(1))
     if k < position.size // SIZE:
         b, p, t = load_quad(before, k), load_quad(position, k), load_quad(travel, k)
-        store_state(k, b, p[0], p[1], p[2], position, velocity, record[0], t[0], t[1], t[2], t[3])
+        store_state(k, b, p, position, velocity, record[0], t)
 
 
 @routine
@@ -133,7 +133,7 @@ def update_calmed(before, position, velocity, contact_record, record, travel):
         u, v, w = t[0], t[1], t[2]
         if FEATURE.speed_limit or FEATURE.sleeping:
             u, v, w = carried(u, x, p[0]), carried(v, y, p[1]), carried(w, z, p[2])
-        store_state(k, b, x, y, z, position, velocity, record[0], u, v, w, t[3])
+        store_state(k, b, (x, y, z), position, velocity, record[0], (u, v, w, t[3]))
 
 
 @routine
