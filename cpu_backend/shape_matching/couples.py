@@ -12,7 +12,7 @@ from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.shape_matching.kernels import lane_sum
-from softlab.cpu_backend.shape_matching.motions import turned
+from softlab.cpu_backend.shape_matching.motions import rotated
 from softlab.model.base.types import Real
 from softlab.model.base.variant import FEATURE, features_of, routine, row_routine
 from softlab.model.formulas.shape_matching.cluster import LANES
@@ -92,7 +92,7 @@ def turn_particles(first, last, position, travel, weights, count, arrays):
         if weights[i] == 0.0:
             continue
         p = position[i], position[j], position[k]
-        x, y, z = turned(p, True, starts[i], starts[i + 1], clusters, cluster_weights, spins)
+        x, y, z = rotated(p, True, starts[i], starts[i + 1], clusters, cluster_weights, spins)
         if FEATURE.rigid_motion:
             travel[i], travel[j] = carried(travel[i], x, position[i]), carried(travel[j], y, position[j])
             travel[k] = carried(travel[k], z, position[k])

@@ -49,7 +49,7 @@ def spin_of(spins, c):
 
 displacement_to_goals = filled(shared.displacement_to_goals, {"frame_of": frame_of, "member_of": member_of})
 slowed_velocity = filled(shared.slowed_velocity, {"motion_of": motion_of})
-turned = filled(shared.turned, {"spin_of": spin_of})
+rotated = filled(shared.rotated, {"spin_of": spin_of})
 
 
 @routine

@@ -118,8 +118,8 @@ class ParticleContacts:
         """Sweep over the contacts of the substep that began at `before`; `travel`: with rigid bodies; `couples`: with
         friction that turns clusters."""
         arguments = self.neighbours.neighbour_counts, self.neighbours.table, self.record, *self._pairs, self._touching
-        absent = self._touching  # an array that is not read as this one
-        written = absent if travel is None else travel, self._pressed, absent if couples is None else couples
+        unread = self._touching  # an array that is not read as this one
+        written = unread if travel is None else travel, self._pressed, unread if couples is None else couples
         for _ in range(self._sweeps):
             self._project.count[self._flat](position, *arguments)
             self._project.project[self._flat](before, position, *arguments, *written)

@@ -3,8 +3,6 @@ negative, which takes more instructions than the distance from a plane."""
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from softlab.gpu_backend.core.device import simulated
@@ -26,20 +24,19 @@ B_SPIN, B_TURNS, B_TREE = np.uint64(signed.B_SPIN), np.uint64(signed.B_TURNS), n
 if simulated():
 
     @instruction
-    def row_at(array: Any, offset: Any) -> Any:
+    def row_at(array: np.ndarray, offset: int) -> np.ndarray:
         """Return the part of a flat array from `offset` on."""
         return array[int(offset) :]
 
 else:
     from numba.cuda.extending import intrinsic
 
+    def _part(context, builder, signature, arguments):
+        part = context.make_array(signature.return_type)(context, builder, arguments[0])
+        part.data = builder.gep(part.data, [arguments[1]], inbounds=True)
+        return part._getvalue()
+
     @intrinsic
     def row_at(typing_context, array, offset):
         """Return the part of a flat array from `offset` on, as an array of unchecked length."""
-
-        def generate(context, builder, signature, arguments):
-            whole = context.make_array(signature.return_type)(context, builder, arguments[0])
-            whole.data = builder.gep(whole.data, [arguments[1]], inbounds=True)
-            return whole._getvalue()
-
-        return array(array, offset), generate
+        return array(array, offset), _part

@@ -6,12 +6,13 @@ from __future__ import annotations
 
 from functools import cache
 from types import SimpleNamespace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numba import cuda
 
 from softlab.gpu_backend.core.compile import kernels_of, variant_name
+from softlab.gpu_backend.core.device import DeviceArray
 from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.quads import load_quad, store_quad
 from softlab.model.base.types import Real
@@ -28,20 +29,20 @@ from softlab.model.formulas.contact import key as key_of
 class TriangleContacts(NamedTuple):
     """Contacts with triangles: their numbers, corners, quads of normals and quads of weights."""
 
-    triangles: Any
-    corners: Any
-    normals: Any
-    weights: Any
+    triangles: DeviceArray
+    corners: DeviceArray
+    normals: DeviceArray
+    weights: DeviceArray
 
 
 class Cells(NamedTuple):
     """The sheet's cells: boxes, keys, the first cell of each bucket and how many it has, cells by buckets."""
 
-    boxes: Any
-    keys: Any
-    starts: Any
-    counts: Any
-    sorted_cells: Any
+    boxes: DeviceArray
+    keys: DeviceArray
+    starts: DeviceArray
+    counts: DeviceArray
+    sorted_cells: DeviceArray
 
 
 @inlined_routine

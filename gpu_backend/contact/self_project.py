@@ -13,6 +13,7 @@ from numba import cuda
 
 from softlab.gpu_backend.contact.self_find import ACCESS
 from softlab.gpu_backend.core.compile import kernels_of, variant_name
+from softlab.gpu_backend.core.device import DeviceArray
 from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.quads import load_quad, store_quad
 from softlab.model.base.variant import FEATURE, filled, inlined_routine, routine
@@ -28,23 +29,23 @@ IMPULSES = 2  # friction and, last, normal impulse, of all sweeps of the substep
 class ContactPlanes(NamedTuple):
     """Contacts as they are projected: corners, quads of normals and of weights."""
 
-    corners: Any
-    normals: Any
-    weights: Any
+    corners: DeviceArray
+    normals: DeviceArray
+    weights: DeviceArray
 
 
 class ContactWeights(NamedTuple):
     """The quads of weights of contacts."""
 
-    weights: Any
+    weights: DeviceArray
 
 
 class Links(NamedTuple):
     """Places (3 contact + corner) where a mass is a corner: counts[k] `entries` from starts[k] on, ascending."""
 
-    starts: Any
-    counts: Any
-    entries: Any
+    starts: DeviceArray
+    counts: DeviceArray
+    entries: DeviceArray
 
 
 @inlined_routine

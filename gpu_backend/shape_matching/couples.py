@@ -77,7 +77,7 @@ def spin_of(spins, c):
     return o[0], o[1], o[2], t[0], t[1], t[2]
 
 
-turned = filled(motions.turned, {"spin_of": spin_of})
+rotated = filled(motions.rotated, {"spin_of": spin_of})
 
 
 @inlined_routine
@@ -85,7 +85,7 @@ def turn_one(k, position, couples, particle_starts, particle_clusters, particle_
     """Return (old position, new position) of particle k."""
     store_quad(couples, k, 0.0, 0.0, 0.0, 0.0)
     p, first, last = load_quad(position, k), particle_starts[k], particle_starts[k + ONE]
-    x, y, z = turned(p, p[3] != 0.0, first, last, particle_clusters, particle_weights, spins)
+    x, y, z = rotated(p, p[3] != 0.0, first, last, particle_clusters, particle_weights, spins)
     store_quad(position, k, x, y, z, p[3])
     return p, (x, y, z)
 

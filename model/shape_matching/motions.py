@@ -88,7 +88,7 @@ def slowed_velocity(p, v, first, last, clusters, factors, motions):
 
 
 @inlined_routine
-def turned(p, is_free, first, last, clusters, weights, spins):
+def rotated(p, is_free, first, last, clusters, weights, spins):
     """Return the position of a particle at p that turns with its clusters, if it is free to move."""
     x, y, z = 0.0, 0.0, 0.0
     if is_free:
