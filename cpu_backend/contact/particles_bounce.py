@@ -14,21 +14,19 @@ from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.core.progress import assigned
 from softlab.model.base.types import Real
 from softlab.model.base.variant import FEATURE, real, routine
+from softlab.model.contact.particle_contacts import lack_along
 from softlab.model.contact.particle_parameters import (
     G_DISTANCE,
     G_SELF_DISTANCE,
     H_INVERSE_SUBSTEP,
     H_RESTITUTION,
-    H_SETTLING,
     MAX_NEIGHBOURS,
 )
 from softlab.model.formulas.particle_contact import (
     added,
     direction,
     impulse_added,
-    lacking,
     moved,
-    parting,
     split,
     squared,
     touching,
@@ -43,8 +41,7 @@ from softlab.model.formulas.shape_matching.rebound import wanted
 def lack_of(i, j, pair, count, position, old, velocity, record, travel, pressed):
     """Return how much faster particles i and j must separate, and the unit normal from j to i.
 
-    `pressed`: their contact in the substep. Two particles of rigid bodies, which have slacks in `travel`
-    (shape_matching/particles.py), separate as those do, even without restitution.
+    `pressed`: their contact in the substep; `travel` (shape_matching/particles.py): particles of rigid bodies have slacks.
     """
     x, y, z = position, row_at(position, np.int64(count)), row_at(position, np.int64(2 * count))
     distance = record[pair + G_DISTANCE] if pair >= 0 else record[-1 - pair + G_SELF_DISTANCE]
@@ -56,13 +53,10 @@ def lack_of(i, j, pair, count, position, old, velocity, record, travel, pressed)
     u, v, w = velocity, row_at(velocity, np.int64(count)), row_at(velocity, np.int64(2 * count))
     now = u[i] - u[j], v[i] - v[j], w[i] - w[j]
     _, nx, ny, nz = direction(dx, dy, dz, distance, i < j)
-    e, settling = record[H_RESTITUTION], record[H_SETTLING]
+    are_rigid = False
     if FEATURE.rigid_bounce:
-        if travel[3 * count + i] > 0.0 and travel[3 * count + j] > 0.0:
-            return parting(before, now, (nx, ny, nz), e, settling, pressed), nx, ny, nz
-        if e == 0.0:
-            return 0.0, nx, ny, nz
-    return lacking(before, now, (nx, ny, nz), e, settling), nx, ny, nz
+        are_rigid = travel[3 * count + i] > 0.0 and travel[3 * count + j] > 0.0
+    return lack_along((nx, ny, nz), before, now, are_rigid, record, pressed), nx, ny, nz
 
 
 @routine

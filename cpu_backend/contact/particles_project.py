@@ -13,36 +13,17 @@ from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.core.progress import assigned
 from softlab.model.base.types import Real
 from softlab.model.base.variant import FEATURE, features_of, real, routine, row_routine
+from softlab.model.contact.particle_contacts import calmed, contact_added
 from softlab.model.contact.particle_parameters import (
     G_ACTIVE,
     G_DISTANCE,
     G_PULL,
     G_SELF_DISTANCE,
-    H_ASLEEP,
-    H_DYNAMIC,
-    H_FASTEST,
-    H_PUSH,
-    H_STATIC,
     MAX_NEIGHBOURS,
 )
-from softlab.model.formulas.particle_contact import (
-    added,
-    added_friction,
-    direction,
-    enforced_distance,
-    far,
-    grip,
-    moved,
-    rested,
-    shortened,
-    slip,
-    split,
-    squared,
-    within,
-)
-from softlab.model.formulas.particle_contact import depth as depth_of
+from softlab.model.formulas.particle_contact import moved, split, squared, within
 from softlab.model.formulas.particle_contact import pressed as pressed_by
-from softlab.model.formulas.shape_matching.couple import gathered, levered
+from softlab.model.formulas.shape_matching.couple import gathered
 from softlab.model.formulas.shape_matching.rigid import carried
 
 PACES = frozenset({"speed-limit", "sleeping"})
@@ -87,45 +68,26 @@ def push(band, count, before, position, weights, record, lists, contacts, couple
             continue
         px, py, pz, weight = xs[i], ys[i], zs[i], weights[i]
         ox, oy, oz = old_x[i], old_y[i], old_z[i]
-        x, y, z = 0.0, 0.0, 0.0
-        u, v, w = 0.0, 0.0, 0.0
+        sums, couple = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
         for a in range(place, place + np.int64(contact_count)):
             j, pair = entries[acting[a]], pairs[acting[a]]
             distance = record[pair + G_DISTANCE] if pair >= 0 else record[-1 - pair + G_SELF_DISTANCE]
             pull = 0.0
             if FEATURE.contact_adhesion:
                 pull = record[pair + G_PULL] if pair >= 0 else 0.0
-            dx, dy, dz = px - xs[j], py - ys[j], pz - zs[j]
-            bx, by, bz = ox - old_x[j], oy - old_y[j], oz - old_z[j]
+            d = px - xs[j], py - ys[j], pz - zs[j]
+            b = ox - old_x[j], oy - old_y[j], oz - old_z[j]
             fraction = split(weight, contact_count, weights[j], counts[j])
-            enforced = enforced_distance(distance, bx, by, bz, record[H_PUSH])
-            length, nx, ny, nz = direction(dx, dy, dz, distance, i < j)
-            depth = depth_of(length, enforced, distance, pull)
+            sums, couple, depth = contact_added((sums, couple), d, b, i < j, distance, pull, fraction, record)
             if FEATURE.rigid_motion:
                 pressed[acting[a]] = pressed_by(pressed[acting[a]], fraction, depth)
-            if FEATURE.contact_friction and (depth > 0.0 or pull > 0.0):
-                sx, sy, sz = slip(dx, dy, dz, bx, by, bz, nx, ny, nz)
-                gripped = grip(sx, sy, sz, depth, pull, record[H_STATIC], record[H_DYNAMIC])
-                x = added_friction(x, fraction, depth, nx, gripped, sx)
-                y = added_friction(y, fraction, depth, ny, gripped, sy)
-                z = added_friction(z, fraction, depth, nz, gripped, sz)
-                if FEATURE.couples:
-                    u = levered(u, fraction, length, gripped, ny, sz, nz, sy)
-                    v = levered(v, fraction, length, gripped, nz, sx, nx, sz)
-                    w = levered(w, fraction, length, gripped, nx, sy, ny, sx)
-            else:
-                x, y, z = (
-                    added(x, fraction, depth, nx),
-                    added(y, fraction, depth, ny),
-                    added(z, fraction, depth, nz),
-                )
         place += np.int64(contact_count)
-        x, y, z = moved(px, weight, x), moved(py, weight, y), moved(pz, weight, z)
+        x, y, z = moved(px, weight, sums[0]), moved(py, weight, sums[1]), moved(pz, weight, sums[2])
         contacts.moves[3 * n], contacts.moves[3 * n + 1], contacts.moves[3 * n + 2] = x, y, z
         if FEATURE.couples:
-            couples[i] = gathered(couples[i], weight, u)
-            couples[count + i] = gathered(couples[count + i], weight, v)
-            couples[2 * count + i] = gathered(couples[2 * count + i], weight, w)
+            couples[i] = gathered(couples[i], weight, couple[0])
+            couples[count + i] = gathered(couples[count + i], weight, couple[1])
+            couples[2 * count + i] = gathered(couples[2 * count + i], weight, couple[2])
 
 
 @routine
@@ -177,16 +139,7 @@ def clear(band, bands, lists, contacts):
 @row_routine
 def settle_rows(n, record, x, y, z, to_x, to_y, to_z, over_x, over_y, over_z):
     for k in range(n):
-        length = far(to_x[k] - x[k], to_y[k] - y[k], to_z[k] - z[k])
-        u, v, w = to_x[k], to_y[k], to_z[k]
-        if FEATURE.speed_limit:
-            u = shortened(u, x[k], length, record[H_FASTEST])
-            v = shortened(v, y[k], length, record[H_FASTEST])
-            w = shortened(w, z[k], length, record[H_FASTEST])
-        if FEATURE.sleeping:
-            u = rested(u, x[k], length, record[H_ASLEEP])
-            v = rested(v, y[k], length, record[H_ASLEEP])
-            w = rested(w, z[k], length, record[H_ASLEEP])
+        u, v, w = calmed((x[k], y[k], z[k]), (to_x[k], to_y[k], to_z[k]), record)
         if FEATURE.rigid_motion:
             over_x[k] = carried(over_x[k], u, to_x[k])
             over_y[k] = carried(over_y[k], v, to_y[k])

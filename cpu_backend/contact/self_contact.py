@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from softlab.cpu_backend.contact.self_find import VALUES, Cells, make_find
-from softlab.cpu_backend.contact.self_project import FORCES, RUBBING, make_project
+from softlab.cpu_backend.contact.self_find import VALUES, Cells, TriangleContacts, make_find
+from softlab.cpu_backend.contact.self_project import FORCES, RUBBING, Links, make_project
 from softlab.model.contact.self_contact_parameters import (
     MAX_CONTACTS,
     contact_record,
@@ -44,6 +44,7 @@ class HeldContacts:
         most = masses * MAX_CONTACTS
         self.triangles, self.corners = np.zeros(most, np.int32), np.zeros((most, 3), np.int32)
         self.values, self.contact_counts = np.zeros((most, values), real), np.zeros(masses, np.int32)
+        self._contacts = TriangleContacts(self.triangles, self.corners, self.values)
         self._links = (np.zeros(masses + 1, np.int32), np.zeros(threads, np.int64), np.zeros(3 * most, np.int32))
         rubs = part.static_friction > 0
         forces = RUBBING if rubs and surfaces else FORCES
@@ -63,11 +64,10 @@ class HeldContacts:
         if self._empty:
             return
         starts, _, links = self._links
+        stored = self.contact_counts, self._contacts, Links(starts, links), self._around
         self._project.project_contacts(
-            self._bands, self.sweeps, position, begin,
-            (self.contact_counts, self.corners, self.values, starts, links, self._around), self.weights, self.record[0],
-            self._scratch,
-        )  # fmt: skip
+            self._bands, self.sweeps, position, begin, stored, self.weights, self.record[0], self._scratch
+        )
 
 
 class Contacts(HeldContacts):
@@ -85,12 +85,11 @@ class Contacts(HeldContacts):
         masses, cells = body.rows * body.columns, max(0, (body.rows - 1) * (body.columns - 1))
         self.change(scene)
         bands = np.zeros(threads, np.int64)
-        self._begin, move = np.zeros((masses, 3), real), np.zeros((masses, 3), real)
+        self._begin, end = np.zeros((masses, 3), real), np.zeros((masses, 3), real)
         boxes, keys = np.zeros((cells, 6), real), np.zeros(cells, np.int64)
         buckets, largest = np.zeros(cells, np.int32), np.zeros(max(1, body.rows - 1), real)
         starts, sorted_cells = np.zeros(table_size(max(1, cells)) + 1, np.int32), np.zeros(cells, np.int32)
-        self._hashed = Cells(self._begin, move, boxes, keys, buckets, largest, starts, bands, sorted_cells)
-        self._searched = (self._begin, move, boxes, keys, largest, starts, sorted_cells)
+        self._hashed = Cells(self._begin, end, boxes, keys, buckets, largest, starts, bands, sorted_cells)
         self._find = make_find(real, math)
 
     def change(self, scene: Scene) -> None:
@@ -103,14 +102,7 @@ class Contacts(HeldContacts):
             return
         self._find.hash_cells(self._bands, before, predicted, self.record[0], self._hashed)
         self._find.find_contacts(
-            self.rows,
-            self.columns,
-            self.record,
-            *self._searched,
-            self.triangles,
-            self.corners,
-            self.values,
-            self.contact_counts,
+            self._bands, self.rows, self.columns, self.record[0], self._hashed, self._contacts, self.contact_counts
         )
         self.lost += int(np.maximum(self.contact_counts - MAX_CONTACTS, 0).sum())
         self._link()

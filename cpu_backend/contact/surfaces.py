@@ -67,7 +67,7 @@ class SurfaceContacts(HeldContacts):
         self._find(
             self._bands, (before, predicted), (self._rest, self._body), self._vertices, self._neighbours.pair_lists,
             (self._at_vertex, self._surface), self.record[0], self._ratio,
-            (self.triangles, self.corners, self.values, self.contact_counts, self._missed, self._seen),
+            (self._contacts, self.contact_counts, self._missed, self._seen),
         )  # fmt: skip
         self.lost += int(self._missed.sum())
         self._link()

@@ -18,9 +18,9 @@ from softlab.cpu_backend.core.normals import plus
 from softlab.cpu_backend.core.scratch import AXES, SPAN, clear_column, clear_triple, row_edge, row_start
 from softlab.model.base.types import Feature, Real
 from softlab.model.base.variant import FEATURE, features_of, routine, row_routine
-from softlab.model.formulas.cloth import gusty, mean
+from softlab.model.formulas.cloth import gusty
 from softlab.model.formulas.random import philox
-from softlab.model.formulas.wind import GUST_STREAM, gust, gust_interval, stage_time, triangle_wind
+from softlab.model.formulas.wind import GUST_STREAM, gust, gust_interval, stage_time, wind_on_triangle
 
 
 @routine
@@ -35,16 +35,6 @@ def air_now(parameters, integers, step, offset):
         g, largest = gust(before, after, passed), parameters.gust
         x, y, z = gusty(x, largest, g), gusty(y, largest, g), gusty(z, largest, g)
     return x, y, z
-
-
-@routine
-def wind_on_triangle(a, b, c, va, vb, vc, air, drag, lift):
-    """Return the wind acceleration [m/s^2] of each corner, by the positions and velocities of all."""
-    return triangle_wind(
-        (b[0] - a[0], b[1] - a[1], b[2] - a[2]), (c[0] - a[0], c[1] - a[1], c[2] - a[2]),
-        (air[0] - mean(va[0], vb[0], vc[0]), air[1] - mean(va[1], vb[1], vc[1]), air[2] - mean(va[2], vb[2], vc[2])),
-        drag, lift,
-    )  # fmt: skip
 
 
 @row_routine

@@ -20,11 +20,12 @@ from softlab.cpu_backend.core.constraints import make_colours, make_projections
 from softlab.cpu_backend.core.own_forces import particle_force, with_forces
 from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.core.scratch import cloth_variant
-from softlab.cpu_backend.core.wind import air_now, wind_on_triangle
+from softlab.cpu_backend.core.wind import air_now
 from softlab.model.base.types import Real
 from softlab.model.base.variant import FEATURE, Open, features_of, filled, routine
 from softlab.model.formulas.distance import added, damping_factor, kicked, predicted, rate, slowed
 from softlab.model.particles.constraints import Projection
+from softlab.model.position_based import mesh_wind
 from softlab.model.tables.cloth import COLLIDER_KINDS
 
 AXES = 3  # a velocity's fourth number is its particle's own damping rate, 1/s
@@ -54,22 +55,7 @@ def row(array, k):
     return array[k, 0], array[k, 1], array[k, 2]
 
 
-@routine
-def wind_of(k, air, before, velocity, parameters, wind_lists):
-    """Return the wind force over the sheet's mass, summed over the triangles at the vertex in their order.
-
-    `wind_lists`: (offsets, triangles at each vertex, corners of triangles).
-    """
-    offsets, at_vertex, corners = wind_lists
-    x, y, z = 0.0, 0.0, 0.0
-    for n in range(offsets[k], offsets[k + 1]):
-        a, b, c = corners[at_vertex[n], 0], corners[at_vertex[n], 1], corners[at_vertex[n], 2]
-        fx, fy, fz = wind_on_triangle(
-            row(before, a), row(before, b), row(before, c), row(velocity, a), row(velocity, b), row(velocity, c), air,
-            parameters.drag, parameters.lift,
-        )  # fmt: skip
-        x, y, z = x + fx, y + fy, z + fz
-    return x, y, z
+wind_of = filled(mesh_wind.wind_of, {"row": row, "corners_of": row})
 
 
 @routine

@@ -14,12 +14,13 @@ from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.shape_matching.damping import gather_motion
-from softlab.cpu_backend.shape_matching.motions import motion_of, velocity_at
+from softlab.cpu_backend.shape_matching.motions import motion_of
 from softlab.cpu_backend.shape_matching.rebound import AXES, respond_as_one
 from softlab.model.base.types import Real
 from softlab.model.base.variant import Open, filled, routine
 from softlab.model.formulas.shape_matching.pace import MOTION
 from softlab.model.formulas.shape_matching.rebound import joined
+from softlab.model.shape_matching.motions import velocity_at
 
 apply_scaled = Open("apply_scaled(...): `apply` in the variant of scaled impulses")
 

@@ -12,10 +12,11 @@ from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.shape_matching.kernels import lane_sum
+from softlab.cpu_backend.shape_matching.motions import rotated
 from softlab.model.base.types import Real
 from softlab.model.base.variant import FEATURE, features_of, routine, row_routine
 from softlab.model.formulas.shape_matching.cluster import LANES
-from softlab.model.formulas.shape_matching.couple import SPIN, SUMS, cross_added, gone, spin
+from softlab.model.formulas.shape_matching.couple import SPIN, SUMS, spin
 from softlab.model.formulas.shape_matching.pace import added, weighted
 from softlab.model.formulas.shape_matching.rigid import carried
 
@@ -90,14 +91,8 @@ def turn_particles(first, last, position, travel, weights, count, arrays):
         couples[i], couples[j], couples[k] = 0.0, 0.0, 0.0
         if weights[i] == 0.0:
             continue
-        x, y, z = 0.0, 0.0, 0.0
-        for n in range(starts[i], starts[i + 1]):
-            g, weight = row_at(spins, np.int64(SPIN) * clusters[n]), cluster_weights[n]
-            dx, dy, dz = position[i] - g[0], position[j] - g[1], position[k] - g[2]
-            x = cross_added(x, weight, g[4], dz, g[5], dy)
-            y = cross_added(y, weight, g[5], dx, g[3], dz)
-            z = cross_added(z, weight, g[3], dy, g[4], dx)
-        x, y, z = gone(position[i], x), gone(position[j], y), gone(position[k], z)
+        p = position[i], position[j], position[k]
+        x, y, z = rotated(p, True, starts[i], starts[i + 1], clusters, cluster_weights, spins)
         if FEATURE.rigid_motion:
             travel[i], travel[j] = carried(travel[i], x, position[i]), carried(travel[j], y, position[j])
             travel[k] = carried(travel[k], z, position[k])

@@ -12,11 +12,11 @@ from softlab.cpu_backend.core.compile import Compiler
 from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.shape_matching.kernels import GATHERS, lane_sum
-from softlab.cpu_backend.shape_matching.motions import motion_of
+from softlab.cpu_backend.shape_matching.motions import slowed_velocity
 from softlab.model.base.types import Real
 from softlab.model.base.variant import filled, routine, row_routine
 from softlab.model.formulas.shape_matching.cluster import LANES
-from softlab.model.formulas.shape_matching.pace import MOMENTA, MOTION, added, cross_added, motion, slowed, weighted
+from softlab.model.formulas.shape_matching.pace import MOMENTA, MOTION, added, cross_added, motion, weighted
 
 
 @row_routine
@@ -89,18 +89,10 @@ def slow(first, last, position, velocity, count, arrays):
     """Move the velocities of particles towards those of their clusters."""
     starts, clusters, factors, motions = arrays.damping
     for k in range(first, last):
-        px, py, pz = position[k], position[count + k], position[2 * count + k]
-        vx, vy, vz = velocity[k], velocity[count + k], velocity[2 * count + k]
-        x, y, z = 0.0, 0.0, 0.0
-        for n in range(starts[k], starts[k + 1]):
-            m, factor = motion_of(motions, clusters[n]), factors[n]
-            dx, dy, dz = px - m.x, py - m.y, pz - m.z
-            x = slowed(x, factor, m.u, m.spin_y, dz, m.spin_z, dy, vx)
-            y = slowed(y, factor, m.v, m.spin_z, dx, m.spin_x, dz, vy)
-            z = slowed(z, factor, m.w, m.spin_x, dy, m.spin_y, dx, vz)
-        velocity[k] = vx + x
-        velocity[count + k] = vy + y
-        velocity[2 * count + k] = vz + z
+        p = position[k], position[count + k], position[2 * count + k]
+        v = velocity[k], velocity[count + k], velocity[2 * count + k]
+        x, y, z = slowed_velocity(p, v, starts[k], starts[k + 1], clusters, factors, motions)
+        velocity[k], velocity[count + k], velocity[2 * count + k] = x, y, z
 
 
 @routine

@@ -12,7 +12,14 @@ from __future__ import annotations
 import numpy as np
 
 from softlab.cpu_backend.core.layout import row_at
-from softlab.cpu_backend.shape_matching.motions import FRAME, frame_of, matrix_of_rotation, near_rotation, store_matrix
+from softlab.cpu_backend.shape_matching.motions import (
+    FRAME,
+    displacement_to_goals,
+    frame_of,
+    matrix_of_rotation,
+    near_rotation,
+    store_matrix,
+)
 from softlab.cpu_backend.shape_matching.shapes import AXES, ENTRIES, finish, prepare
 from softlab.model.base.variant import FEATURE, filled, inlined_routine, open_constant, routine, row_routine
 from softlab.model.formulas.rotation import rotation_3d_far
@@ -224,17 +231,11 @@ def move_particles(first, last, position, count, particle_clusters, frames, trav
     """Move the particles of any clusters, gathering their goals."""
     starts, clusters, rests, factors = particle_clusters
     for k in range(first, last):
-        px, py, pz = position[k], position[count + k], position[2 * count + k]
-        x, y, z = 0.0, 0.0, 0.0
-        for n in range(starts[k], starts[k + 1]):
-            frame, factor = frame_of(frames, clusters[n]), factors[n]
-            a, b, c = rests[3 * n], rests[3 * n + 1], rests[3 * n + 2]
-            x = displacement_added(x, factor, goal(frame.x, frame.xx, frame.xy, frame.xz, a, b, c), px)
-            y = displacement_added(y, factor, goal(frame.y, frame.yx, frame.yy, frame.yz, a, b, c), py)
-            z = displacement_added(z, factor, goal(frame.z, frame.zx, frame.zy, frame.zz, a, b, c), pz)
+        p = position[k], position[count + k], position[2 * count + k]
+        x, y, z = displacement_to_goals(p, starts[k], starts[k + 1], clusters, (rests, factors), frames)
         if FEATURE.rigid_motion:
             slack = travel[AXES * count + k]
-            x, y, z = settled(x, slack, px), settled(y, slack, py), settled(z, slack, pz)
-        position[k] = arrived(px, x)
-        position[count + k] = arrived(py, y)
-        position[2 * count + k] = arrived(pz, z)
+            x, y, z = settled(x, slack, p[0]), settled(y, slack, p[1]), settled(z, slack, p[2])
+        position[k] = arrived(p[0], x)
+        position[count + k] = arrived(p[1], y)
+        position[2 * count + k] = arrived(p[2], z)

@@ -2,48 +2,17 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
-from softlab.model.base.variant import inlined_routine, inlined_throughout, routine
+from softlab.model.base.variant import filled, inlined_routine, inlined_throughout, routine
 from softlab.model.formulas.rotation import matrix_of, rotation_3d_near
+from softlab.model.formulas.shape_matching.couple import SPIN
 from softlab.model.formulas.shape_matching.pace import MOTION
-from softlab.model.formulas.shape_matching.rebound import rigid
+from softlab.model.shape_matching import motions as shared
+from softlab.model.shape_matching.motions import Frame, Motion
 
 FRAME = 12  # numbers of a cluster's frame
 near_rotation, matrix_of_rotation = inlined_throughout(rotation_3d_near), inlined_throughout(matrix_of)
-
-
-class Motion(NamedTuple):
-    """A cluster's rigid motion: its centre, the velocity there, its spin."""
-
-    x: float
-    y: float
-    z: float
-    u: float
-    v: float
-    w: float
-    spin_x: float
-    spin_y: float
-    spin_z: float
-
-
-class Frame(NamedTuple):
-    """A cluster's matrix, by rows, and its centre."""
-
-    xx: float
-    xy: float
-    xz: float
-    yx: float
-    yy: float
-    yz: float
-    zx: float
-    zy: float
-    zz: float
-    x: float
-    y: float
-    z: float
 
 
 @routine
@@ -56,16 +25,6 @@ def motion_of(motions, c):
     )  # fmt: skip
 
 
-@inlined_routine
-def velocity_at(motion, x, y, z):
-    """Return the velocity of a particle at (x, y, z) that moves with its cluster."""
-    m, dx, dy, dz = motion, x - motion.x, y - motion.y, z - motion.z
-    return (
-        rigid(m.u, m.spin_y, dz, m.spin_z, dy), rigid(m.v, m.spin_z, dx, m.spin_x, dz),
-        rigid(m.w, m.spin_x, dy, m.spin_y, dx),
-    )  # fmt: skip
-
-
 @routine
 def frame_of(frames, c):
     """Return the Frame of cluster `c`."""
@@ -74,6 +33,23 @@ def frame_of(frames, c):
         frames[n], frames[n + 1], frames[n + 2], frames[n + 3], frames[n + 4], frames[n + 5], frames[n + 6],
         frames[n + 7], frames[n + 8], frames[n + 9], frames[n + 10], frames[n + 11],
     )  # fmt: skip
+
+
+@inlined_routine
+def member_of(members, n):
+    rests, factors = members
+    return rests[3 * n], rests[3 * n + 1], rests[3 * n + 2], factors[n]
+
+
+@inlined_routine
+def spin_of(spins, c):
+    n = np.int64(SPIN) * c
+    return spins[n], spins[n + 1], spins[n + 2], spins[n + 3], spins[n + 4], spins[n + 5]
+
+
+displacement_to_goals = filled(shared.displacement_to_goals, {"frame_of": frame_of, "member_of": member_of})
+slowed_velocity = filled(shared.slowed_velocity, {"motion_of": motion_of})
+rotated = filled(shared.rotated, {"spin_of": spin_of})
 
 
 @routine

@@ -14,13 +14,14 @@ from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.shape_matching.damping import gather_motion
 from softlab.cpu_backend.shape_matching.kernels import AXES, GATHERS, lane_sum
 from softlab.cpu_backend.shape_matching.layout import LONE
-from softlab.cpu_backend.shape_matching.motions import motion_of, velocity_at
+from softlab.cpu_backend.shape_matching.motions import motion_of
 from softlab.model.base.types import Real
 from softlab.model.base.variant import FEATURE, filled, routine, row_routine
 from softlab.model.formulas.shape_matching.cluster import LANES
 from softlab.model.formulas.shape_matching.pace import MOTION
 from softlab.model.formulas.shape_matching.rebound import asked, bound, enlarged, rebounded, scaled, weighed
 from softlab.model.formulas.shape_matching.rebound import touched as touched_mass
+from softlab.model.shape_matching.motions import velocity_at
 
 
 @row_routine

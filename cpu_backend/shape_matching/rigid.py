@@ -13,10 +13,11 @@ from softlab.cpu_backend.core.progress import assigned
 from softlab.cpu_backend.shape_matching.damping import gather_motion
 from softlab.cpu_backend.shape_matching.kernels import AXES
 from softlab.cpu_backend.shape_matching.layout import LONE
-from softlab.cpu_backend.shape_matching.motions import motion_of, velocity_at
+from softlab.cpu_backend.shape_matching.motions import motion_of
 from softlab.model.base.types import Real
 from softlab.model.base.variant import routine, row_routine
 from softlab.model.formulas.shape_matching.cluster import LANES
+from softlab.model.shape_matching.motions import velocity_at
 
 
 @row_routine

@@ -118,11 +118,11 @@ class ParticleContacts:
         """Sweep over the contacts of the substep that began at `before`; `travel`: with rigid bodies; `couples`: with
         friction that turns clusters."""
         arguments = self.neighbours.neighbour_counts, self.neighbours.table, self.record, *self._pairs, self._touching
-        pressed = None if travel is None else self._pressed
-        travels = tuple(one for one in (travel, pressed, couples) if one is not None)
+        unread = self._touching  # an array that is not read as this one
+        written = unread if travel is None else travel, self._pressed, unread if couples is None else couples
         for _ in range(self._sweeps):
             self._project.count[self._flat](position, *arguments)
-            self._project.project[self._flat](before, position, *arguments, *travels)
+            self._project.project[self._flat](before, position, *arguments, *written)
 
     def count_impacts(
         self, position: DeviceArray, old: DeviceArray, velocity: DeviceArray, travel: DeviceArray
@@ -139,5 +139,5 @@ class ParticleContacts:
     def bounce(self, position: DeviceArray, old: DeviceArray, velocity: DeviceArray) -> None:
         """Bounce particles in contact at `position`; `old`, `velocity`: velocities at the substep's start and end."""
         arguments = self._impacts(position, old, velocity)
-        self._bounce.count[self._flat](*arguments)
+        self._bounce.count[self._flat](*arguments, self._touching, self._pressed)
         self._bounce.bounce[self._flat](*arguments)

@@ -11,13 +11,14 @@ import numpy as np
 from numba import cuda
 
 from softlab.gpu_backend.contact.particles_find import CAPACITY, pair_of
-from softlab.gpu_backend.core.compile import kernel_options, make_kernels, variant_name
+from softlab.gpu_backend.core.compile import kernels_of, variant_name
 from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.quads import load_quad, store_quad
 from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, Variant, inlined_routine, real, routine
-from softlab.model.contact.particle_parameters import G_DISTANCE, G_SELF_DISTANCE, H_RESTITUTION, H_SETTLING
-from softlab.model.formulas.particle_contact import added, direction, lacking, moved, parting, split, squared
+from softlab.model.base.variant import FEATURE, inlined_routine, real, routine
+from softlab.model.contact.particle_contacts import lack_along
+from softlab.model.contact.particle_parameters import G_DISTANCE, G_SELF_DISTANCE
+from softlab.model.formulas.particle_contact import added, direction, moved, split, squared
 from softlab.model.formulas.particle_contact import touching as touches
 
 
@@ -28,8 +29,7 @@ def lack_of(i, j, state, w, position, old, record, kinds_of, travel, pressed):
     `state`:
     position, old and new velocity of i; `kinds_of`: (body, kind, kinds); `pressed`: their contact in the substep.
 
-    Two particles of rigid bodies, which have slacks in `travel` (shape_matching/rigid.py), separate as those do, even
-    without restitution.
+    Particles of rigid bodies have slacks in `travel` (shape_matching/rigid.py).
     """
     (p, o, v), (body, kind, kinds) = state, kinds_of
     q, (row, same) = load_quad(position, j), pair_of(i, j, body, kind, kinds)
@@ -40,21 +40,18 @@ def lack_of(i, j, state, w, position, old, record, kinds_of, travel, pressed):
         u = load_quad(old, j)
         _, nx, ny, nz = direction(dx, dy, dz, distance, i < j)
         before, now = (o[0] - u[0], o[1] - u[1], o[2] - u[2]), (v[0] - w[0], v[1] - w[1], v[2] - w[2])
-        n = nx, ny, nz
-        e, settling = record[H_RESTITUTION], record[H_SETTLING]
+        are_rigid = False
         if FEATURE.rigid_bounce:
-            if load_quad(travel, i)[3] > 0.0 and load_quad(travel, j)[3] > 0.0:
-                lack = parting(before, now, n, e, settling, pressed)
-            elif e > 0.0:
-                lack = lacking(before, now, n, e, settling)
-        else:
-            lack = lacking(before, now, n, e, settling)
+            are_rigid = load_quad(travel, i)[3] > 0.0 and load_quad(travel, j)[3] > 0.0
+        lack = lack_along((nx, ny, nz), before, now, are_rigid, record, pressed)
     return lack, nx, ny, nz
 
 
-@inlined_routine
-def count_one(i, position, old, velocity, neighbour_counts, neighbours, record, kinds_of, touching, rigid):
-    travel, pressed = rigid
+@routine
+def count(position, old, velocity, neighbour_counts, neighbours, record, body, kind, kinds, touching, travel, pressed):
+    """Write for each particle with neighbours a quad of its velocity and of its weight times the pairs that must
+    separate faster. `old`: velocities at the start of the substep; `travel`, `pressed`: of rigid bodies."""
+    i = np.int32(cuda.grid(1))
     if i < neighbour_counts.size:
         neighbour_count, particles = np.int32(min(neighbour_counts[i], CAPACITY)), np.int64(neighbour_counts.size)
         if neighbour_count > 0:
@@ -63,31 +60,10 @@ def count_one(i, position, old, velocity, neighbour_counts, neighbours, record, 
                 j = neighbours[s * particles + i]
                 w = load_quad(velocity, j)
                 by = pressed[s * particles + i] if FEATURE.rigid_bounce else 0.0
-                lack, _, _, _ = lack_of(i, j, (p, o, v), w, position, old, record, kinds_of, travel, by)
+                lack, _, _, _ = lack_of(i, j, (p, o, v), w, position, old, record, (body, kind, kinds), travel, by)
                 if lack != 0.0:
                     pairs = np.int32(pairs + 1)
             store_quad(touching, i, v[0], v[1], v[2], p[3] * real(pairs))
-
-
-@routine
-def count_soft(position, old, velocity, neighbour_counts, neighbours, record, body, kind, kinds, touching):
-    """Write for each particle with neighbours a quad of its velocity and of its weight times the pairs that must
-    separate faster. `old`: velocities at the start of the substep."""
-    i = np.int32(cuda.grid(1))
-    count_one(
-        i, position, old, velocity, neighbour_counts, neighbours, record, (body, kind, kinds), touching, (touching, touching),
-    )  # fmt: skip
-
-
-@routine
-def count_rigid(
-    position, old, velocity, neighbour_counts, neighbours, record, body, kind, kinds, touching, travel, pressed
-):
-    """Do as `count_soft` with rigid bodies, of `travel` and `pressed`."""
-    i = np.int32(cuda.grid(1))
-    count_one(
-        i, position, old, velocity, neighbour_counts, neighbours, record, (body, kind, kinds), touching, (travel, pressed),
-    )  # fmt: skip
 
 
 @routine
@@ -114,16 +90,9 @@ def bounce(position, old, velocity, neighbour_counts, neighbours, record, body, 
                 store_quad(velocity, i, moved(v[0], weight, x), moved(v[1], weight, y), moved(v[2], weight, z), 0.0)
 
 
-def _variant(real: Real, math: str, self_contact: bool, many: bool, has_rigid: bool) -> Variant:
-    return device_variant(real, math, {"self_contact": self_contact, "kinds": many, "rigid_bounce": has_rigid})
-
-
 @cache
 def make_bounce(real: Real, math: str, self_contact: bool, many: bool, has_rigid: bool = False) -> SimpleNamespace:
     """Compile `count` and `bounce`, or with rigid bodies only `count`. `self_contact`, `many`: of particles_find.py."""
-    variant = _variant(real, math, self_contact, many, has_rigid)
-    count = variant.copied(count_rigid if has_rigid else count_soft)
-    count.__name__ = "count"
-    kernels = (count,) if has_rigid else (count, variant.copied(bounce))
+    variant = device_variant(real, math, {"self_contact": self_contact, "kinds": many, "rigid_bounce": has_rigid})
     words = variant_name(real, math, f"own{self_contact:d}", f"many{many:d}", "rigid" * has_rigid)
-    return make_kernels(kernels, f"particle_contacts_{words}", **kernel_options(math))
+    return kernels_of(variant, math, (count,) if has_rigid else (count, bounce), f"particle_contacts_{words}")

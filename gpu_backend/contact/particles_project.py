@@ -15,73 +15,25 @@ from numba import cuda
 from softlab.gpu_backend.contact.motion import collide as touch
 from softlab.gpu_backend.contact.motion import rate_of, settle
 from softlab.gpu_backend.contact.particles_find import CAPACITY, pair_of
-from softlab.gpu_backend.core.compile import kernel_options, kernels_of, make_kernels, variant_name
+from softlab.gpu_backend.core.compile import kernels_of, variant_name
 from softlab.gpu_backend.core.forces import particle_features
 from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.integers import clock
 from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
 from softlab.gpu_backend.core.world import World
 from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, inlined_routine, real, routine
+from softlab.model.base.variant import FEATURE, real, routine
+from softlab.model.contact.particle_contacts import calmed, contact_added
 from softlab.model.contact.particle_parameters import (
     G_ACTIVE,
     G_DISTANCE,
     G_PULL,
     G_SELF_DISTANCE,
-    H_ASLEEP,
-    H_DYNAMIC,
-    H_FASTEST,
-    H_PUSH,
-    H_STATIC,
 )
-from softlab.model.formulas.particle_contact import (
-    added,
-    added_friction,
-    direction,
-    enforced_distance,
-    far,
-    grip,
-    moved,
-    rested,
-    shortened,
-    slip,
-    split,
-    squared,
-    within,
-)
-from softlab.model.formulas.particle_contact import depth as depth_of
+from softlab.model.formulas.particle_contact import moved, split, squared, within
 from softlab.model.formulas.particle_contact import pressed as pressed_by
-from softlab.model.formulas.shape_matching.couple import gathered, levered
+from softlab.model.formulas.shape_matching.couple import gathered
 from softlab.model.formulas.shape_matching.rigid import carried
-
-
-@inlined_routine
-def lever(couple, fraction, length, d, b, depth, pull, n, record):
-    """Return the sum of a particle's couple and the contribution of a contact."""
-    (u, v, w), (nx, ny, nz) = couple, n
-    if depth > 0.0 or pull > 0.0:
-        sx, sy, sz = slip(d[0], d[1], d[2], b[0], b[1], b[2], nx, ny, nz)
-        gripped = grip(sx, sy, sz, depth, pull, record[H_STATIC], record[H_DYNAMIC])
-        u = levered(u, fraction, length, gripped, ny, sz, nz, sy)
-        v = levered(v, fraction, length, gripped, nz, sx, nx, sz)
-        w = levered(w, fraction, length, gripped, nx, sy, ny, sx)
-    return u, v, w
-
-
-@inlined_routine
-def displacement_added(displacement, fraction, d, b, depth, pull, n, record):
-    """Return the sum of a particle's displacement and that of a contact; d, b: the pair's distance vectors now and
-    before; n: the contact's normal."""
-    (x, y, z), (nx, ny, nz) = displacement, n
-    if FEATURE.contact_friction:
-        if depth > 0.0 or pull > 0.0:
-            sx, sy, sz = slip(d[0], d[1], d[2], b[0], b[1], b[2], nx, ny, nz)
-            gripped = grip(sx, sy, sz, depth, pull, record[H_STATIC], record[H_DYNAMIC])
-            x = added_friction(x, fraction, depth, nx, gripped, sx)
-            y = added_friction(y, fraction, depth, ny, gripped, sy)
-            z = added_friction(z, fraction, depth, nz, gripped, sz)
-            return x, y, z
-    return added(x, fraction, depth, nx), added(y, fraction, depth, ny), added(z, fraction, depth, nz)
 
 
 @routine
@@ -101,17 +53,19 @@ def count(position, neighbour_counts, neighbours, record, body, kind, kinds, tou
             store_quad(touching, i, p[0], p[1], p[2], p[3] * real(contacts))
 
 
-@inlined_routine
-def project_one(i, before, position, neighbour_counts, neighbours, record, kinds_of, touching, written):
-    """Project the contacts of particle i; `kinds_of`: (body, kind, kinds); `written`: (travel, pressed, couples)."""
-    (body, kind, kinds), (travel, pressed, couples) = kinds_of, written
+@routine
+def project(
+    before, position, neighbour_counts, neighbours, record, body, kind, kinds, touching, travel, pressed, couples
+):
+    """Move particles, in place. Update the travels (shape_matching/rigid.py) and contact impulses of rigid bodies, and
+    `couples` (shape_matching/couples.py), by which friction turns clusters, if there are any."""
+    i = np.int32(cuda.grid(1))
     if i < neighbour_counts.size:
         neighbour_count, particles = np.int32(min(neighbour_counts[i], CAPACITY)), np.int64(neighbour_counts.size)
         if neighbour_count > 0:
             p = load_quad(touching, i)
             if p[3] > 0.0:
-                start, x, y, z = load_quad(before, i), 0.0, 0.0, 0.0
-                u, v, w = 0.0, 0.0, 0.0
+                start, sums, couple = load_quad(before, i), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
                 for s in range(neighbour_count):
                     j = neighbours[s * particles + i]
                     q, (row, same) = load_quad(touching, j), pair_of(i, j, body, kind, kinds)
@@ -126,59 +80,23 @@ def project_one(i, before, position, neighbour_counts, neighbours, record, kinds
                         other = load_quad(before, j)
                         b = start[0] - other[0], start[1] - other[1], start[2] - other[2]
                         fraction = split(p[3], 1.0, q[3], 1.0)
-                        length, nx, ny, nz = direction(d[0], d[1], d[2], distance, i < j)
-                        enforced = enforced_distance(distance, b[0], b[1], b[2], record[H_PUSH])
-                        depth = depth_of(length, enforced, distance, pull)
+                        sums, couple, depth = contact_added(
+                            (sums, couple), d, b, i < j, distance, pull, fraction, record
+                        )
                         if FEATURE.rigid_motion:
                             k = s * particles + i
                             pressed[k] = pressed_by(pressed[k], fraction, depth)
-                        x, y, z = displacement_added((x, y, z), fraction, d, b, depth, pull, (nx, ny, nz), record)
-                        if FEATURE.couples:
-                            u, v, w = lever((u, v, w), fraction, length, d, b, depth, pull, (nx, ny, nz), record)
                 weight = start[3]
-                x, y, z = moved(p[0], weight, x), moved(p[1], weight, y), moved(p[2], weight, z)
+                x, y, z = moved(p[0], weight, sums[0]), moved(p[1], weight, sums[1]), moved(p[2], weight, sums[2])
                 if FEATURE.rigid_motion:
                     t = load_quad(travel, i)
                     store_quad(travel, i, carried(t[0], x, p[0]), carried(t[1], y, p[1]), carried(t[2], z, p[2]), t[3])
                 store_quad(position, i, x, y, z, weight)
                 if FEATURE.couples:
                     c = load_quad(couples, i)
-                    u, v, w = gathered(c[0], weight, u), gathered(c[1], weight, v), gathered(c[2], weight, w)
+                    u, v = gathered(c[0], weight, couple[0]), gathered(c[1], weight, couple[1])
+                    w = gathered(c[2], weight, couple[2])
                     store_quad(couples, i, u, v, w, 0.0)
-
-
-@routine
-def project_soft(before, position, neighbour_counts, neighbours, record, body, kind, kinds, touching):
-    """Move particles, in place."""
-    i = np.int32(cuda.grid(1))
-    kinds_of, written = (body, kind, kinds), (touching, touching, touching)
-    project_one(i, before, position, neighbour_counts, neighbours, record, kinds_of, touching, written)
-
-
-@routine
-def project_rigid(before, position, neighbour_counts, neighbours, record, body, kind, kinds, touching, travel, pressed):
-    """Do as `project_soft`, and update the travels (shape_matching/rigid.py) and contact impulses of rigid bodies."""
-    i = np.int32(cuda.grid(1))
-    kinds_of, written = (body, kind, kinds), (travel, pressed, touching)
-    project_one(i, before, position, neighbour_counts, neighbours, record, kinds_of, touching, written)
-
-
-@routine
-def project_coupled(before, position, neighbour_counts, neighbours, record, body, kind, kinds, touching, couples):
-    """Do as `project_soft`, and update `couples` (shape_matching/couples.py), by which friction turns clusters."""
-    i = np.int32(cuda.grid(1))
-    kinds_of, written = (body, kind, kinds), (touching, touching, couples)
-    project_one(i, before, position, neighbour_counts, neighbours, record, kinds_of, touching, written)
-
-
-@routine
-def project_all(
-    before, position, neighbour_counts, neighbours, record, body, kind, kinds, touching, travel, pressed, couples
-):
-    """Do as `project_rigid` and `project_coupled`."""
-    i = np.int32(cuda.grid(1))
-    kinds_of, written = (body, kind, kinds), (travel, pressed, couples)
-    project_one(i, before, position, neighbour_counts, neighbours, record, kinds_of, touching, written)
 
 
 @routine
@@ -191,22 +109,6 @@ def clear(neighbour_counts, pressed):
             pressed[s * particles + i] = 0.0
 
 
-@inlined_routine
-def calmed(b, p, record):
-    """Return a particle (a quad) after the speed limit and sleeping; b: at the start of the substep."""
-    x, y, z = p[0], p[1], p[2]
-    if FEATURE.speed_limit or FEATURE.sleeping:
-        length = far(x - b[0], y - b[1], z - b[2])
-        if FEATURE.speed_limit:
-            most = record[H_FASTEST]
-            x, y = shortened(x, b[0], length, most), shortened(y, b[1], length, most)
-            z = shortened(z, b[2], length, most)
-        if FEATURE.sleeping:
-            least = record[H_ASLEEP]
-            x, y, z = rested(x, b[0], length, least), rested(y, b[1], length, least), rested(z, b[2], length, least)
-    return x, y, z, p[3]
-
-
 @routine
 def finish(before, position, velocity, contact_record, record, bodies, integers, counter, place, substeps, substep):
     """Write velocities, after the colliders, at the end of a substep."""
@@ -214,7 +116,8 @@ def finish(before, position, velocity, contact_record, record, bodies, integers,
     if k < position.size // SIZE:
         _, number = clock(counter, place, substeps, substep)
         b, p = load_quad(before, k), load_quad(position, k)
-        px, py, pz, vx, vy, vz = settle(b, calmed(b, p, contact_record), World(record[0], bodies, integers), number)
+        x, y, z = calmed(b, p, contact_record)
+        px, py, pz, vx, vy, vz = settle(b, (x, y, z, p[3]), World(record[0], bodies, integers), number)
         store_quad(position, k, px, py, pz, b[3])
         store_quad(velocity, k, vx, vy, vz, 0.0)
 
@@ -224,10 +127,10 @@ def update_velocity(before, position, velocity, contact_record, record):
     """Write velocities at the end of a substep, without colliders."""
     k = np.int32(cuda.grid(1))
     if k < position.size // SIZE:
-        b = load_quad(before, k)
-        p = calmed(b, load_quad(position, k), contact_record)
-        vx, vy, vz = rate_of(p, b, record[0])
-        store_quad(position, k, p[0], p[1], p[2], b[3])
+        b, p = load_quad(before, k), load_quad(position, k)
+        x, y, z = calmed(b, p, contact_record)
+        vx, vy, vz = rate_of((x, y, z, p[3]), b, record[0])
+        store_quad(position, k, x, y, z, b[3])
         store_quad(velocity, k, vx, vy, vz, 0.0)
 
 
@@ -254,15 +157,11 @@ def make_project(
         "rigid_motion": has_rigid, "couples": has_couples,
     }  # fmt: skip
     variant = device_variant(real, math, features)
-    soft, rigid = (project_coupled, project_all) if has_couples else (project_soft, project_rigid)
-    project = variant.copied(rigid if has_rigid else soft)
-    project.__name__ = "project"
     words = (
         "friction" * has_friction, "adhesion" * has_adhesion, f"own{self_contact:d}", f"many{many:d}", "rigid" * has_rigid,
         "couples" * has_couples,
     )  # fmt: skip
-    kernels = variant.copied(count), project, variant.copied(clear)
-    return make_kernels(kernels, f"particle_contacts_{variant_name(real, math, *words)}", **kernel_options(math))
+    return kernels_of(variant, math, (count, project, clear), f"particle_contacts_{variant_name(real, math, *words)}")
 
 
 @cache

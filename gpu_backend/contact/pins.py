@@ -17,29 +17,11 @@ from softlab.gpu_backend.core.quads import load_quad, store_quad
 from softlab.model.base.errors import SceneError
 from softlab.model.base.types import Real
 from softlab.model.base.variant import FEATURE, inlined_routine, routine
-from softlab.model.contact.cloth_parameters import (
-    M_DURATION,
-    M_SPIN,
-    M_START,
-    M_TURNS,
-    M_U,
-    M_V,
-    M_VX,
-    M_VY,
-    M_VZ,
-    M_W,
-    M_X,
-    M_Y,
-    M_Z,
-    P_MOTION,
-    P_X,
-    P_Y,
-    P_Z,
-    PIN_FIELDS,
-)
+from softlab.model.contact.cloth_parameters import P_MOTION, PIN_FIELDS
+from softlab.model.contact.pins import follow
 from softlab.model.core.build import Body
 from softlab.model.formulas.cloth import instant
-from softlab.model.formulas.motion import middle, placed, turn
+from softlab.model.formulas.motion import middle
 
 STILL = 1.0
 ROW = np.int32(PIN_FIELDS)
@@ -62,19 +44,6 @@ def pin_marks(body: Body, bodies: np.ndarray, first: int) -> np.ndarray:
         moving = bodies[places + P_MOTION] >= 0
         marks[body.pinned[moving]] = places[moving]
     return marks
-
-
-@inlined_routine
-def follow(bodies, pin, time):
-    """Return (x, y, z, vx, vy, vz) at `time` [s] of the mass whose row begins at `pin`, which must name a motion."""
-    row = np.int32(bodies[pin + P_MOTION])
-    moment = turn(time, bodies[row + M_START], bodies[row + M_DURATION], bodies[row + M_TURNS])
-    return placed(
-        (bodies[pin + P_X], bodies[pin + P_Y], bodies[pin + P_Z]),
-        (bodies[row + M_X], bodies[row + M_Y], bodies[row + M_Z]),
-        (bodies[row + M_U], bodies[row + M_V], bodies[row + M_W]),
-        (bodies[row + M_VX], bodies[row + M_VY], bodies[row + M_VZ]), bodies[row + M_SPIN], moment,
-    )  # fmt: skip
 
 
 @inlined_routine

@@ -19,37 +19,26 @@ from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
 from softlab.gpu_backend.core.wind import block_air
 from softlab.gpu_backend.position_based.gather import ONE, TWO
 from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, inlined_routine, routine
-from softlab.model.formulas.cloth import mean
+from softlab.model.base.variant import FEATURE, filled, inlined_routine, routine
 from softlab.model.formulas.distance import slowed
-from softlab.model.formulas.wind import triangle_wind
+from softlab.model.position_based import mesh_wind
 
 THREE = np.int32(3)
 
 
 @inlined_routine
-def triangle(position, velocity, ia, ib, ic, parameters, air):
-    """Return the wind on each corner of a triangle."""
-    a, b, c = load_quad(position, ia), load_quad(position, ib), load_quad(position, ic)
-    u, v, w = load_quad(velocity, ia), load_quad(velocity, ib), load_quad(velocity, ic)
-    return triangle_wind(
-        (b[0] - a[0], b[1] - a[1], b[2] - a[2]), (c[0] - a[0], c[1] - a[1], c[2] - a[2]),
-        (air[0] - mean(u[0], v[0], w[0]), air[1] - mean(u[1], v[1], w[1]), air[2] - mean(u[2], v[2], w[2])),
-        parameters.drag, parameters.lift,
-    )  # fmt: skip
+def row(array, k):
+    p = load_quad(array, k)
+    return p[0], p[1], p[2]
 
 
 @inlined_routine
-def wind_of(position, velocity, k, offsets, at_vertex, corners, parameters, air):
-    """Return the wind over the sheet's mass [m/s^2] on vertex k, the sum over its triangles in their order."""
-    x, y, z = 0.0, 0.0, 0.0
-    for n in range(offsets[k], offsets[k + ONE]):
-        place = THREE * at_vertex[n]
-        fx, fy, fz = triangle(
-            position, velocity, corners[place], corners[place + ONE], corners[place + TWO], parameters, air
-        )  # fmt: skip
-        x, y, z = x + fx, y + fy, z + fz
-    return x, y, z
+def corners_of(corners, triangle):
+    place = THREE * triangle
+    return corners[place], corners[place + ONE], corners[place + TWO]
+
+
+wind_of = filled(mesh_wind.wind_of, {"row": row, "corners_of": corners_of})
 
 
 @routine
@@ -65,7 +54,7 @@ def begin(
         p, v = load_quad(position, k), load_quad(velocity, k)
         ax, ay, az = add_gravity(0.0, 0.0, 0.0, parameters)
         if FEATURE.wind:
-            fx, fy, fz = wind_of(position, velocity, k, offsets, at_vertex, corners, parameters, air)
+            fx, fy, fz = wind_of(k, air, position, velocity, parameters, (offsets, at_vertex, corners))
             ax, ay, az = add((ax, ay, az), p[3], (fx, fy, fz))
         ax, ay, az = add_particle_force(ax, ay, az, k, p[3], parameters, integers, step)
         x, y, z = predict(p, v, ax, ay, az, parameters)

@@ -13,13 +13,14 @@ from softlab.gpu_backend.contact.particles_bounce import lack_of
 from softlab.gpu_backend.core.compile import Kernel, kernel_options, kernels_of, make_kernel, variant_name
 from softlab.gpu_backend.core.formulas import device_variant
 from softlab.gpu_backend.core.quads import ROWS, SIZE, load_quad, store_quad
-from softlab.gpu_backend.shape_matching.kernels import ONE
+from softlab.gpu_backend.shape_matching.kernels import ONE, motion_of
 from softlab.model.base.types import Real
 from softlab.model.base.variant import FEATURE, routine
 from softlab.model.contact.particle_parameters import H_INVERSE_SUBSTEP, H_RESTITUTION, MAX_NEIGHBOURS
 from softlab.model.formulas.particle_contact import impulse as impulse_of
 from softlab.model.formulas.particle_contact import impulse_added, moved, split
-from softlab.model.formulas.shape_matching.rebound import joined, rigid, scaled, shared, squared, wanted
+from softlab.model.formulas.shape_matching.rebound import joined, scaled, shared, squared, wanted
+from softlab.model.shape_matching.motions import velocity_at
 
 MOST = np.int32(MAX_NEIGHBOURS)
 
@@ -88,12 +89,7 @@ def join(position, velocity, impulses, particle_starts, particle_clusters, limit
         a, b, c = q[0], q[1], q[2]
         for n in range(particle_starts[k], particle_starts[k + ONE]):
             if limits[particle_clusters[n]] != 0.0:
-                row = np.int32(ROWS * particle_clusters[n])
-                o, t, s = load_quad(motions, row), load_quad(motions, row + 1), load_quad(motions, row + 2)
-                dx, dy, dz = p[0] - o[0], p[1] - o[1], p[2] - o[2]
-                a = rigid(t[0], s[1], dz, s[2], dy)
-                b = rigid(t[1], s[2], dx, s[0], dz)
-                c = rigid(t[2], s[0], dy, s[1], dx)
+                a, b, c = velocity_at(motion_of(motions, particle_clusters[n]), p[0], p[1], p[2])
         store_quad(velocity, k, joined(v[0], a), joined(v[1], b), joined(v[2], c), 0.0)
 
 

@@ -16,10 +16,11 @@ from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
 from softlab.gpu_backend.shape_matching.kernels import LANES_32, ONE, PITCH, PITCH_32, THREADS, TOGETHER, lane_sum
 from softlab.model.assets.clusters import Clusters
 from softlab.model.base.types import Real
-from softlab.model.base.variant import inlined_routine, real, routine
-from softlab.model.formulas.shape_matching.couple import SUMS, cross_added, gone, spin
+from softlab.model.base.variant import filled, inlined_routine, real, routine
+from softlab.model.formulas.shape_matching.couple import SUMS, spin
 from softlab.model.formulas.shape_matching.pace import added, weighted
 from softlab.model.formulas.shape_matching.rigid import carried
+from softlab.model.shape_matching import motions
 
 SHARED = TOGETHER * SUMS * PITCH  # numbers per block
 SUMS_32 = np.int32(SUMS)
@@ -70,19 +71,21 @@ def gather(position, couples, starts, firsts, indices, members, leans, spins):
 
 
 @inlined_routine
+def spin_of(spins, c):
+    row = np.int32(QUADS * c)
+    o, t = load_quad(spins, row), load_quad(spins, row + 1)
+    return o[0], o[1], o[2], t[0], t[1], t[2]
+
+
+rotated = filled(motions.rotated, {"spin_of": spin_of})
+
+
+@inlined_routine
 def turn_one(k, position, couples, particle_starts, particle_clusters, particle_weights, spins):
     """Return (old position, new position) of particle k."""
     store_quad(couples, k, 0.0, 0.0, 0.0, 0.0)
-    p, x, y, z = load_quad(position, k), 0.0, 0.0, 0.0
-    if p[3] != 0.0:
-        for n in range(particle_starts[k], particle_starts[k + ONE]):
-            row, weight = np.int32(QUADS * particle_clusters[n]), particle_weights[n]
-            c, o = load_quad(spins, row), load_quad(spins, row + 1)
-            dx, dy, dz = p[0] - c[0], p[1] - c[1], p[2] - c[2]
-            x = cross_added(x, weight, o[1], dz, o[2], dy)
-            y = cross_added(y, weight, o[2], dx, o[0], dz)
-            z = cross_added(z, weight, o[0], dy, o[1], dx)
-    x, y, z = gone(p[0], x), gone(p[1], y), gone(p[2], z)
+    p, first, last = load_quad(position, k), particle_starts[k], particle_starts[k + ONE]
+    x, y, z = rotated(p, p[3] != 0.0, first, last, particle_clusters, particle_weights, spins)
     store_quad(position, k, x, y, z, p[3])
     return p, (x, y, z)
 

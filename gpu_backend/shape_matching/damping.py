@@ -25,10 +25,11 @@ from softlab.gpu_backend.shape_matching.kernels import (
     TOGETHER,
     lane_sum,
     move_mass,
+    slowed_velocity,
 )
 from softlab.model.base.types import Real
-from softlab.model.base.variant import inlined_routine, real, routine
-from softlab.model.formulas.shape_matching.pace import MOMENTA, added, cross_added, motion, slowed, weighted
+from softlab.model.base.variant import real, routine
+from softlab.model.formulas.shape_matching.pace import MOMENTA, added, cross_added, motion, weighted
 
 SHARED = TOGETHER * MOMENTA * PITCH  # numbers per block
 MOMENTA_32 = np.int32(MOMENTA)
@@ -88,20 +89,6 @@ def gather(position, velocity, starts, firsts, indices, members, leans, motions)
         store_quad(motions, row + 2, ox, oy, oz, 0.0)
 
 
-@inlined_routine
-def slow_mass(p, v, k, particle_starts, particle_clusters, slowing, motions):
-    """Return the velocity of particle `k` at `p` with velocity `v`, moved towards those of its clusters."""
-    x, y, z = 0.0, 0.0, 0.0
-    for n in range(particle_starts[k], particle_starts[k + ONE]):
-        row, factor = np.int32(ROWS * particle_clusters[n]), slowing[n]
-        c, u, o = load_quad(motions, row), load_quad(motions, row + 1), load_quad(motions, row + 2)
-        dx, dy, dz = p[0] - c[0], p[1] - c[1], p[2] - c[2]
-        x = slowed(x, factor, u[0], o[1], dz, o[2], dy, v[0])
-        y = slowed(y, factor, u[1], o[2], dx, o[0], dz, v[1])
-        z = slowed(z, factor, u[2], o[0], dy, o[1], dx, v[2])
-    return v[0] + x, v[1] + y, v[2] + z
-
-
 @routine
 def rate(before, position, velocity, particle_starts, particle_clusters, particle_members, frames, record):
     """Do the last iteration's displacement to the goals, and write velocities."""
@@ -121,7 +108,8 @@ def slow(position, velocity, particle_starts, particle_clusters, slowing, motion
     k = np.int32(cuda.grid(1))
     if k < position.size // SIZE:
         p, v = load_quad(position, k), load_quad(velocity, k)
-        vx, vy, vz = slow_mass(p, v, k, particle_starts, particle_clusters, slowing, motions)
+        first, last = particle_starts[k], particle_starts[k + ONE]
+        vx, vy, vz = slowed_velocity(p, v, first, last, particle_clusters, slowing, motions)
         store_quad(velocity, k, vx, vy, vz, 0.0)
 
 
@@ -136,7 +124,8 @@ def finish(
     if k < position.size // SIZE:
         _, number = clock(counter, place, substeps, substep)
         b, p, v = load_quad(before, k), load_quad(position, k), load_quad(velocity, k)
-        vx, vy, vz = slow_mass(p, v, k, particle_starts, particle_clusters, slowing, motions)
+        first, last = particle_starts[k], particle_starts[k + ONE]
+        vx, vy, vz = slowed_velocity(p, v, first, last, particle_clusters, slowing, motions)
         px, py, pz, vx, vy, vz = collide(b, p, vx, vy, vz, world, number)
         store_quad(position, k, px, py, pz, b[3])
         store_quad(velocity, k, vx, vy, vz, 0.0)

@@ -21,7 +21,7 @@ from softlab.gpu_backend.core.integers import clock
 from softlab.gpu_backend.core.quads import ROWS, SIZE, load_quad, store_quad
 from softlab.gpu_backend.core.world import World
 from softlab.model.base.types import Real
-from softlab.model.base.variant import inlined_routine, real, routine
+from softlab.model.base.variant import filled, inlined_routine, real, routine
 from softlab.model.formulas.rotation import matrix_of, rotation_3d
 from softlab.model.formulas.shape_matching.cluster import (
     LANES,
@@ -30,11 +30,11 @@ from softlab.model.formulas.shape_matching.cluster import (
     arrived,
     centre,
     corrected,
-    displacement_added,
-    goal,
     total,
     weighted,
 )
+from softlab.model.shape_matching import motions as of_clusters
+from softlab.model.shape_matching.motions import Frame, Motion
 
 THREADS = 128  # per block
 TOGETHER = THREADS // LANES  # clusters that a block sums
@@ -110,22 +110,33 @@ def turn(position, firsts, leans, sums, rotation, new_rotation, frames):
 
 
 @inlined_routine
-def displacement_to_goals(p, k, particle_starts, particle_clusters, particle_members, frames):
-    """Return the displacement of particle `k` at `p` towards the goals of its clusters."""
-    x, y, z = 0.0, 0.0, 0.0
-    for n in range(particle_starts[k], particle_starts[k + ONE]):
-        m, row = load_quad(particle_members, n), np.int32(ROWS * particle_clusters[n])
-        a, b, c = load_quad(frames, row), load_quad(frames, row + 1), load_quad(frames, row + 2)
-        x = displacement_added(x, m[3], goal(a[3], a[0], a[1], a[2], m[0], m[1], m[2]), p[0])
-        y = displacement_added(y, m[3], goal(b[3], b[0], b[1], b[2], m[0], m[1], m[2]), p[1])
-        z = displacement_added(z, m[3], goal(c[3], c[0], c[1], c[2], m[0], m[1], m[2]), p[2])
-    return x, y, z
+def frame_of(frames, c):
+    row = np.int32(ROWS * c)
+    a, b, d = load_quad(frames, row), load_quad(frames, row + 1), load_quad(frames, row + 2)
+    return Frame(a[0], a[1], a[2], b[0], b[1], b[2], d[0], d[1], d[2], a[3], b[3], d[3])
+
+
+@inlined_routine
+def motion_of(motions, c):
+    row = np.int32(ROWS * c)
+    o, t, s = load_quad(motions, row), load_quad(motions, row + 1), load_quad(motions, row + 2)
+    return Motion(o[0], o[1], o[2], t[0], t[1], t[2], s[0], s[1], s[2])
+
+
+@inlined_routine
+def member_of(members, n):
+    return load_quad(members, n)
+
+
+displacement_to_goals = filled(of_clusters.displacement_to_goals, {"frame_of": frame_of, "member_of": member_of})
+slowed_velocity = filled(of_clusters.slowed_velocity, {"motion_of": motion_of})
 
 
 @inlined_routine
 def move_mass(p, k, particle_starts, particle_clusters, particle_members, frames):
     """Return the position of particle `k` at `p`, moved towards its goals."""
-    x, y, z = displacement_to_goals(p, k, particle_starts, particle_clusters, particle_members, frames)
+    first, last = particle_starts[k], particle_starts[k + ONE]
+    x, y, z = displacement_to_goals(p, first, last, particle_clusters, particle_members, frames)
     return arrived(p[0], x), arrived(p[1], y), arrived(p[2], z)
 
 

@@ -29,6 +29,7 @@ from softlab.gpu_backend.shape_matching.kernels import (
     THREADS,
     TOGETHER,
     lane_sum,
+    motion_of,
 )
 from softlab.model.assets.clusters import Clusters
 from softlab.model.base.types import Real
@@ -38,12 +39,12 @@ from softlab.model.formulas.shape_matching.rebound import (
     bound,
     enlarged,
     rebounded,
-    rigid,
     scaled,
     touched,
     weighed,
 )
 from softlab.model.formulas.shape_matching.rebound import asked as asked_of
+from softlab.model.shape_matching.motions import velocity_at
 from softlab.model.shape_matching.rigid_rebound import rebound_limits
 
 SHARED = TOGETHER * SUMS * PITCH  # numbers per block
@@ -62,13 +63,10 @@ def weigh(position, impulses, starts, indices, members, leans, limits, motions):
     clusters = np.int32(limits.size)
     got, worth, mass, asked, row = 0.0, 0.0, 0.0, 0.0, np.int32(ROWS * c)
     if c < clusters:
-        o, t, s = load_quad(motions, row), load_quad(motions, row + 1), load_quad(motions, row + 2)
+        motion = motion_of(motions, c)
         for e in range(np.int32(starts[c] + lane), starts[c + ONE], LANES_32):
             p, q, m = load_quad(position, indices[e]), load_quad(impulses, indices[e]), load_quad(members, e)
-            dx, dy, dz = p[0] - o[0], p[1] - o[1], p[2] - o[2]
-            u = rigid(t[0], s[1], dz, s[2], dy)
-            v = rigid(t[1], s[2], dx, s[0], dz)
-            w = rigid(t[2], s[0], dy, s[1], dx)
+            u, v, w = velocity_at(motion, p[0], p[1], p[2])
             got = weighed(got, m[3], q[0], q[1], q[2])
             worth = weighed(worth, m[3], u, v, w)
             mass = touched(mass, m[3], q[0], q[1], q[2])
@@ -102,14 +100,9 @@ def go(position, velocity, impulses, particle_starts, particle_clusters, limits,
         p, v, q = load_quad(position, k), load_quad(velocity, k), load_quad(impulses, k)
         for n in range(particle_starts[k], particle_starts[k + ONE]):
             if limits[particle_clusters[n]] != 0.0:
-                row = np.int32(ROWS * particle_clusters[n])
-                o, t, s = load_quad(motions, row), load_quad(motions, row + 1), load_quad(motions, row + 2)
-                dx, dy, dz = p[0] - o[0], p[1] - o[1], p[2] - o[2]
-                store_quad(
-                    velocity, k, rebounded(v[0], q[0], rigid(t[0], s[1], dz, s[2], dy)),
-                    rebounded(v[1], q[1], rigid(t[1], s[2], dx, s[0], dz)),
-                    rebounded(v[2], q[2], rigid(t[2], s[0], dy, s[1], dx)), 0.0,
-                )  # fmt: skip
+                x, y, z = velocity_at(motion_of(motions, particle_clusters[n]), p[0], p[1], p[2])
+                x, y, z = rebounded(v[0], q[0], x), rebounded(v[1], q[1], y), rebounded(v[2], q[2], z)
+                store_quad(velocity, k, x, y, z, 0.0)
 
 
 @routine

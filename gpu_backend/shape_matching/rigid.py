@@ -27,15 +27,15 @@ from softlab.gpu_backend.shape_matching.kernels import (
     THREADS,
     TOGETHER,
     displacement_to_goals,
+    motion_of,
 )
 from softlab.model.assets.clusters import Clusters, whole_clusters
 from softlab.model.base.types import Real
 from softlab.model.base.variant import FEATURE, inlined_routine, routine
-from softlab.model.contact.particle_parameters import H_ASLEEP, H_FASTEST
-from softlab.model.formulas.particle_contact import far, rested, shortened
+from softlab.model.contact.particle_contacts import calmed
 from softlab.model.formulas.shape_matching.cluster import LANES
-from softlab.model.formulas.shape_matching.rebound import rigid as of_body
 from softlab.model.formulas.shape_matching.rigid import carried, rate_over, settled, travelled
+from softlab.model.shape_matching.motions import velocity_at
 from softlab.model.shape_matching.rigid_motion import goal_slack
 
 
@@ -73,21 +73,22 @@ def predict(before, velocity, a, position, record, travel):
 @inlined_routine
 def settled_position(p, k, particle_starts, particle_clusters, particle_members, frames, t):
     """Return the position of particle `k` at `p`, moved towards its goals; `t`: its travel and slack."""
-    x, y, z = displacement_to_goals(p, k, particle_starts, particle_clusters, particle_members, frames)
+    first, last = particle_starts[k], particle_starts[k + ONE]
+    x, y, z = displacement_to_goals(p, first, last, particle_clusters, particle_members, frames)
     return p[0] + settled(x, t[3], p[0]), p[1] + settled(y, t[3], p[1]), p[2] + settled(z, t[3], p[2])
 
 
 @inlined_routine
-def store_state(k, b, x, y, z, position, velocity, parameters, u, v, w, slack):
-    """Write the position and velocity of particle `k`, of a rigid body from its travel (u, v, w)."""
-    inverse = parameters.inverse_substep
-    vx, vy, vz = rate_of((x, y, z, b[3]), b, parameters)
+def store_state(k, b, p, position, velocity, parameters, travel):
+    """Write the position p and velocity of particle `k`, of a rigid body from its travel (three numbers, slack)."""
+    inverse, (u, v, w, slack) = parameters.inverse_substep, travel
+    vx, vy, vz = rate_of((p[0], p[1], p[2], b[3]), b, parameters)
     if slack > 0.0:
         vx, vy, vz = rate_over(u, inverse), rate_over(v, inverse), rate_over(w, inverse)
         if FEATURE.pins:
             if b[3] == 0.0:
                 vx, vy, vz = 0.0, 0.0, 0.0
-    store_quad(position, k, x, y, z, b[3])
+    store_quad(position, k, p[0], p[1], p[2], b[3])
     store_quad(velocity, k, vx, vy, vz, 0.0)
 
 
@@ -109,8 +110,8 @@ def rate(before, position, velocity, particle_starts, particle_clusters, particl
     k = np.int32(cuda.grid(1))
     if k < position.size // SIZE:
         b, p, t = load_quad(before, k), load_quad(position, k), load_quad(travel, k)
-        x, y, z = settled_position(p, k, particle_starts, particle_clusters, particle_members, frames, t)
-        store_state(k, b, x, y, z, position, velocity, record[0], t[0], t[1], t[2], t[3])
+        q = settled_position(p, k, particle_starts, particle_clusters, particle_members, frames, t)
+        store_state(k, b, q, position, velocity, record[0], t)
 
 
 @routine
@@ -119,7 +120,7 @@ def update(before, position, velocity, record, travel):
     k = np.int32(cuda.grid(1))
     if k < position.size // SIZE:
         b, p, t = load_quad(before, k), load_quad(position, k), load_quad(travel, k)
-        store_state(k, b, p[0], p[1], p[2], position, velocity, record[0], t[0], t[1], t[2], t[3])
+        store_state(k, b, p, position, velocity, record[0], t)
 
 
 @routine
@@ -128,19 +129,11 @@ def update_calmed(before, position, velocity, contact_record, record, travel):
     k = np.int32(cuda.grid(1))
     if k < position.size // SIZE:
         b, p, t = load_quad(before, k), load_quad(position, k), load_quad(travel, k)
-        x, y, z, u, v, w = p[0], p[1], p[2], t[0], t[1], t[2]
+        x, y, z = calmed(b, p, contact_record)
+        u, v, w = t[0], t[1], t[2]
         if FEATURE.speed_limit or FEATURE.sleeping:
-            length = far(x - b[0], y - b[1], z - b[2])
-            if FEATURE.speed_limit:
-                most = contact_record[H_FASTEST]
-                x, y = shortened(x, b[0], length, most), shortened(y, b[1], length, most)
-                z = shortened(z, b[2], length, most)
-            if FEATURE.sleeping:
-                least = contact_record[H_ASLEEP]
-                x, y = rested(x, b[0], length, least), rested(y, b[1], length, least)
-                z = rested(z, b[2], length, least)
             u, v, w = carried(u, x, p[0]), carried(v, y, p[1]), carried(w, z, p[2])
-        store_state(k, b, x, y, z, position, velocity, record[0], u, v, w, t[3])
+        store_state(k, b, (x, y, z), position, velocity, record[0], (u, v, w, t[3]))
 
 
 @routine
@@ -151,13 +144,8 @@ def steady(position, velocity, particle_starts, particle_clusters, factors, moti
         p = load_quad(position, k)
         for n in range(particle_starts[k], particle_starts[k + ONE]):
             if factors[n] != 0.0:
-                row = np.int32(ROWS * particle_clusters[n])
-                o, t, s = load_quad(motions, row), load_quad(motions, row + 1), load_quad(motions, row + 2)
-                dx, dy, dz = p[0] - o[0], p[1] - o[1], p[2] - o[2]
-                store_quad(
-                    velocity, k, of_body(t[0], s[1], dz, s[2], dy), of_body(t[1], s[2], dx, s[0], dz),
-                    of_body(t[2], s[0], dy, s[1], dx), 0.0,
-                )  # fmt: skip
+                x, y, z = velocity_at(motion_of(motions, particle_clusters[n]), p[0], p[1], p[2])
+                store_quad(velocity, k, x, y, z, 0.0)
 
 
 @routine

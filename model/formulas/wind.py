@@ -12,6 +12,7 @@ from math import floor
 import numpy as np
 
 from softlab.model.base.variant import formula, real
+from softlab.model.formulas.cloth import mean
 from softlab.model.formulas.lengths import inverse_length, squared_length_3d
 from softlab.model.formulas.random import uniform
 
@@ -40,6 +41,16 @@ def triangle_wind(ab, ac, u, drag, lift):
     along_air = drag * abs(through) - lift * through * through * inverse_speed * inverse_normal
     return (
         along_normal * nx + along_air * ux, along_normal * ny + along_air * uy, along_normal * nz + along_air * uz,
+    )  # fmt: skip
+
+
+@formula
+def wind_on_triangle(a, b, c, va, vb, vc, air, drag, lift):
+    """Return the wind acceleration [m/s^2] of each corner, by the positions and velocities of all."""
+    return triangle_wind(
+        (b[0] - a[0], b[1] - a[1], b[2] - a[2]), (c[0] - a[0], c[1] - a[1], c[2] - a[2]),
+        (air[0] - mean(va[0], vb[0], vc[0]), air[1] - mean(va[1], vb[1], vc[1]), air[2] - mean(va[2], vb[2], vc[2])),
+        drag, lift,
     )  # fmt: skip
 
 

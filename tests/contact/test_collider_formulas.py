@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from collider_touch import CASES, DT, STEP, numbers_of, scene_of
 
-from softlab.cpu_backend.contact import colliders as kernels
 from softlab.model.base.variant import features_of, plain_formulas
+from softlab.model.contact import colliders as kernels
 from softlab.model.contact.sheet_plan import cloth_parts
 from softlab.model.formulas import colliders
 
