@@ -29,7 +29,8 @@ from softlab.model.core.plan import Executor, Moment, StageRun
 from softlab.model.core.simulation import Options
 from softlab.model.fluid.flow import emitter_rows, fluid_starts, sink_rows
 from softlab.model.fluid.parameters import MAX_NEIGHBOURS, fluid_rows, most_cells
-from softlab.model.fluid.plan import SHAPES, fluid_plan
+from softlab.model.fluid.passes import SHAPES
+from softlab.model.fluid.plan import fluid_plan
 from softlab.model.fluid.samples import Samples
 from softlab.model.fluid.simulation import FluidSimulation
 from softlab.model.geometry.particle_row import PARKED

@@ -18,7 +18,7 @@ from softlab.gpu_backend.fluid.stages import bind_fluid_stages
 from softlab.model.core.plan import Executor, Moment, StageRun
 from softlab.model.core.simulation import Options
 from softlab.model.fluid.among_solids import kinds_of
-from softlab.model.fluid.plan import SHAPES, SMOOTHING
+from softlab.model.fluid.passes import SHAPES, SMOOTHING
 from softlab.model.fluid.samples import Samples
 from softlab.model.scene.scene import Scene
 

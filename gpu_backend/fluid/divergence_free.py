@@ -13,7 +13,7 @@ from softlab.gpu_backend.fluid.divergence_motion import make_free_motion
 from softlab.gpu_backend.fluid.smoothing import make_smoothing
 from softlab.model.core.plan import Moment, StageRun
 from softlab.model.fluid.divergence_plan import SECOND
-from softlab.model.fluid.plan import SHAPES, SMOOTHING
+from softlab.model.fluid.passes import SHAPES, SMOOTHING
 
 SCALARS = 3  # numbers of a particle for this scheme only: iterates, multipliers of the second solve, targets
 QUADS = 1  # shifts

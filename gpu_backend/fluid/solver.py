@@ -32,7 +32,8 @@ from softlab.model.contact.cloth_parameters import collider_numbers
 from softlab.model.core.plan import Executor
 from softlab.model.core.simulation import Options
 from softlab.model.fluid.parameters import MAX_NEIGHBOURS, fluid_rows, most_cells
-from softlab.model.fluid.plan import FLOWS, SHAPES, SMOOTHING, fluid_plan
+from softlab.model.fluid.passes import SHAPES, SMOOTHING
+from softlab.model.fluid.plan import FLOWS, fluid_plan
 from softlab.model.fluid.samples import Samples
 from softlab.model.fluid.simulation import FluidSimulation
 from softlab.model.geometry.particle_row import PARKED
