@@ -3,7 +3,7 @@ values consists of one plane after the other."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -98,8 +98,20 @@ class Around(NamedTuple):
     runs: np.ndarray
 
 
+class At(NamedTuple):
+    """Time of a pass: number of the step, of the substep since time 0, and of the iteration; number of iterations; True in
+    the second solve of `divergence-free`."""
+
+    step: int
+    number: int
+    iteration: int
+    iterations: int
+    second: bool
+
+
 class Fluid(NamedTuple):
-    """All arrays of a fluid."""
+    """What the passes of a fluid's substep read and write: the fluid's arrays, its constants, rows of
+    model/fluid/parameters.py, integers of model/core/own_forces.py, rows and kinds of colliders; Flow and Solids, or ()."""
 
     sizes: Sizes
     state: State
@@ -109,6 +121,13 @@ class Fluid(NamedTuple):
     table: Table
     lists: Lists
     scratch: Scratch
+    parameters: Any
+    fluids: np.ndarray
+    integers: np.ndarray
+    bodies: np.ndarray
+    kinds: np.ndarray
+    flow: Flow | tuple[()]
+    solids: Solids | tuple[()]
 
 
 class Sides(NamedTuple):
@@ -161,7 +180,8 @@ class Carriers(NamedTuple):
 
 class Solids(NamedTuple):
     """Solids that a fluid touches, by samples behind the fluid's particles: number of the fluid's particles; rows of
-    `kinds_of` by number, and in the order of cells; slot of each sample; displacements of samples, three planes."""
+    `kinds_of` by number, and in the order of cells; slot of each sample; displacements of samples, three planes;
+    scratch of bands."""
 
     fluids: int
     kinds_by_number: np.ndarray
@@ -171,3 +191,4 @@ class Solids(NamedTuple):
     places: SolidPoints
     carriers: Carriers
     shift: np.ndarray
+    sums: np.ndarray

@@ -14,7 +14,7 @@ from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.fluid.arrays import Around, Sides
 from softlab.cpu_backend.fluid.lists import AROUND, RUNS, find_neighbours
 from softlab.cpu_backend.fluid.pairs import corrections, densities, gradients
-from softlab.cpu_backend.fluid.phases import cells_in
+from softlab.cpu_backend.fluid.phases import cells_in, positions
 from softlab.cpu_backend.fluid.quads import LANES, QUAD, QUADS
 from softlab.cpu_backend.fluid.rows import (
     DOUBLE_BLOCKS,
@@ -41,15 +41,15 @@ def sides_of(p):
 
 
 @routine
-def search(part, shared, world, parameters):
+def search(part, shared, at, world):
     """Build the neighbour lists of a band's slices."""
-    near, here = world.scratch.near, np.int64(part) * (4 * AROUND)
+    parameters, near, here = world.parameters, world.scratch.near, np.int64(part) * (4 * AROUND)
     slices = (world.sizes.particles + LANES - 1) // LANES
     around = Around(
         row_at(near, here), row_at(near, here + AROUND), row_at(near, here + 2 * AROUND), row_at(near, here + 3 * AROUND),
         row_at(world.scratch.who, np.int64(part) * AROUND), row_at(world.scratch.runs, np.int64(part) * RUNS),
     )  # fmt: skip
-    _, _, cells = cells_in(shared, world, parameters)
+    _, _, cells = cells_in(shared, world)
     first, last = slices * part // shared, slices * (part + 1) // shared
     world.lists.counts[part] += find_neighbours(first, last, world, cells, sides_of(parameters), parameters, around)
 
@@ -62,13 +62,14 @@ def put_changes(quads, delta):
 
 
 @routine
-def factors(part, shared, number, world, parameters, fluids, bodies, kinds):
+def factors(part, shared, at, world):
     """Build the neighbour lists, and evaluate the factors."""
-    search(part, shared, world, parameters)
+    search(part, shared, at, world)
+    parameters, fluids = world.parameters, world.fluids
     count, capacity, in_order = world.sizes.particles, world.sizes.room, world.in_order
     longest, entries, work = world.lists.longest, world.lists.entries, world.work
     place, fluid, delta, wall = in_order.position, in_order.fluid, work.delta, work.wall
-    slices, sides, (_, end, _) = (count + LANES - 1) // LANES, sides_of(parameters), instants(number, parameters)
+    slices, sides, (_, end, _) = (count + LANES - 1) // LANES, sides_of(parameters), instants(at.number, parameters)
     gx, gy, gz, squares, total, wall_part = sums_of(part, world.scratch.sums)
     for s in range(slices * part // shared, slices * (part + 1) // shared):
         base = np.int64(s) * LANES
@@ -81,7 +82,7 @@ def factors(part, shared, number, world, parameters, fluids, bodies, kinds):
         )  # fmt: skip
         if FEATURE.walls:
             wall_rows(
-                bodies, kinds, end, parameters, *vector_at(place, capacity, base), wall_part,
+                world.bodies, world.kinds, end, parameters, *vector_at(place, capacity, base), wall_part,
                 *vector_at(wall, capacity, base)
             )  # fmt: skip
         factor_rows(
@@ -100,11 +101,12 @@ find, prepare = (filled(factors, {"constrains": also}) for also in (False, True)
 
 
 @routine
-def constrain(part, shared, number, place, world, parameters, bodies, kinds):
-    """Evaluate the constraints at the positions `place`, and the changes of their multipliers."""
+def constrain(part, shared, at, world):
+    """Evaluate the constraints, and the changes of their multipliers."""
+    parameters, (place, _) = world.parameters, positions(at.iteration, world)
     count, capacity, lists, work = world.sizes.particles, world.sizes.room, world.lists, world.work
     scratch = world.scratch.sums
-    slices, sides, (_, end, _) = (count + LANES - 1) // LANES, sides_of(parameters), instants(number, parameters)
+    slices, sides, (_, end, _) = (count + LANES - 1) // LANES, sides_of(parameters), instants(at.number, parameters)
     total, _, _, _, _, wall_part = sums_of(part, scratch)
     for s in range(slices * part // shared, slices * (part + 1) // shared):
         base = np.int64(s) * LANES
@@ -116,7 +118,7 @@ def constrain(part, shared, number, place, world, parameters, bodies, kinds):
         )  # fmt: skip
         if FEATURE.walls:
             wall_rows(
-                bodies, kinds, end, parameters, *vector_at(place, capacity, base), wall_part,
+                world.bodies, world.kinds, end, parameters, *vector_at(place, capacity, base), wall_part,
                 *vector_at(work.wall, capacity, base)
             )  # fmt: skip
         relax_rows(
@@ -127,8 +129,9 @@ def constrain(part, shared, number, place, world, parameters, bodies, kinds):
 
 
 @routine
-def correct(part, shared, number, place, there, world, parameters, fluids, bodies, kinds):
-    """Correct the positions `place` and store them in `there`."""
+def correct(part, shared, at, world):
+    """Correct the positions of an iteration."""
+    parameters, (place, there) = world.parameters, positions(at.iteration, world)
     capacity, in_order, delta, lists = world.sizes.room, world.in_order, world.work.delta, world.lists
     scratch = world.scratch.sums
     longest, entries, before, fluid = lists.longest, lists.entries, in_order.before, in_order.fluid
@@ -145,11 +148,13 @@ def correct(part, shared, number, place, there, world, parameters, fluids, bodie
             parameters.inverse_support, parameters.gradient_scale, parameters.tensile, parameters.inverse_tensile, ax, ay, az,
         )  # fmt: skip
         move_rows(
-            row_at(fluid, base), fluids, row_at(delta, base), *vector_at(world.work.wall, capacity, base),
+            row_at(fluid, base), world.fluids, row_at(delta, base), *vector_at(world.work.wall, capacity, base),
             *vector_at(place, capacity, base), *sums,
         )  # fmt: skip
         if FEATURE.colliders:
-            collide_row(bodies, kinds, number, parameters, blocks, before, base, capacity, ax, np.int64(0), LANES)
+            collide_row(
+                world.bodies, world.kinds, at.number, parameters, blocks, before, base, capacity, ax, np.int64(0), LANES
+            )
         quads = row_at(there, QUADS * capacity + QUAD * base)
         for lane in range(LANES):
             there[base + lane], there[capacity + base + lane] = ax[lane], ay[lane]

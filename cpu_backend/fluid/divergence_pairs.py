@@ -38,8 +38,9 @@ def approaches(
 
 
 @routine
-def gather(part, shared, world, parameters):
+def gather(part, shared, at, world):
     """Copy the state, wrapped into the periodic box, and write the bounding box of the band."""
+    parameters = world.parameters
     count, capacity, position = world.sizes.particles, world.sizes.room, world.state.position
     place, predicted_velocity = world.unsorted.position, world.unsorted.velocity
     lx, ly, lz, hx, hy, hz = LARGEST, LARGEST, LARGEST, -LARGEST, -LARGEST, -LARGEST
@@ -72,8 +73,9 @@ def forced(number, row, step, parameters, fluids, integers):
 
 
 @routine
-def accelerate(part, shared, step, world, parameters, fluids, integers):
+def accelerate(part, shared, at, world):
     """Apply neighbours, drag and forces to the velocities, and write them into the state."""
+    parameters, fluids = world.parameters, world.fluids
     count, capacity, unsorted = world.sizes.particles, world.sizes.room, world.unsorted
     in_order, work, neighbours = world.in_order, world.work, world.lists.neighbours
     place, predicted_velocity, velocity, error = (
@@ -97,7 +99,7 @@ def accelerate(part, shared, step, world, parameters, fluids, integers):
             drag, surface = fluids[row + F_DRAG], fluids[row + F_SURFACE_DRAG]
             u, v = braked(u, h, drag, surface, error[i]), braked(v, h, drag, surface, error[i])
             w = braked(w, h, drag, surface, error[i])
-        ax, ay, az = forced(in_order.number[i], row, step, parameters, fluids, integers)
+        ax, ay, az = forced(in_order.number[i], row, at.step, parameters, fluids, world.integers)
         u, v, w = accelerated(u, h, ax), accelerated(v, h, ay), accelerated(w, h, az)
         speed, fastest = speed_of(u, v, w), fluids[row + F_SPEED]
         if speed > fastest:

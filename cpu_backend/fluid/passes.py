@@ -1,0 +1,181 @@
+"""Kernels of a fluid on CPU threads, made of phases in the order of the passes that model/fluid declares: all substeps of
+a call by one team (`make_advance`), or one kernel per pass (`make_pass`).
+
+A phase (part, bands, at, world) does a band of particles; the next one begins when all bands are done.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from softlab.cpu_backend.core.compile import Compiler
+from softlab.cpu_backend.core.own_forces import with_forces
+from softlab.cpu_backend.core.progress import assigned
+from softlab.cpu_backend.fluid import divergence, solid_phases
+from softlab.cpu_backend.fluid.arrays import At, Fluid, Sizes
+from softlab.cpu_backend.fluid.constraint import constrain, correct, find, prepare, search
+from softlab.cpu_backend.fluid.divergence_pairs import accelerate, gather
+from softlab.cpu_backend.fluid.flow import drain, emit, rest
+from softlab.cpu_backend.fluid.phases import enter, predict, put, tally
+from softlab.cpu_backend.fluid.velocities import finish, shape, update
+from softlab.model.base.types import Real
+from softlab.model.base.variant import FEATURE, Open, Variant, filled, open_constant, routine
+from softlab.model.fluid.divergence_plan import SECOND
+from softlab.model.fluid.parameters import MAX_NEIGHBOURS
+from softlab.model.fluid.passes import (
+    ACCELERATE,
+    CORRECT,
+    DENSITY,
+    EMIT,
+    FIND,
+    FOLLOW,
+    FORESEE,
+    GATHER,
+    LIMIT,
+    MOVE,
+    PREDICT,
+    PUSH,
+    PUSH_APART,
+    RELAX,
+    SAMPLE,
+    SHAPE,
+    SORT,
+    SURVEY,
+    TAKE_UP,
+    UPDATE,
+    Iterations,
+    Pass,
+    runs_of,
+)
+from softlab.model.fluid.plan import fluid_features, substep_of
+
+Passes = tuple[str, ...]
+POSITIONS: dict[Passes, tuple[Any, ...]] = {  # phases of passes; several passes: those that are done at once
+    (EMIT,): (emit,), (PREDICT,): (predict,), (SORT,): (enter, tally, put), (FIND,): (find,), (FIND, DENSITY): (prepare,),
+    (DENSITY,): (constrain,), (CORRECT,): (correct,), (UPDATE,): (update,), (SHAPE,): (shape,), (LIMIT,): (finish,),
+}  # fmt: skip
+SINKS: dict[Passes, tuple[Any, ...]] = {(SORT,): (enter, drain, tally, put, rest)}
+AMONG_SOLIDS: dict[Passes, tuple[Any, ...]] = {
+    (SAMPLE,): (solid_phases.sample,),
+    (FIND,): (search, solid_phases.gather, solid_phases.factors),
+    (FOLLOW,): (solid_phases.follow,),
+    (DENSITY,): (solid_phases.constrain,),
+    (CORRECT,): (solid_phases.correct,),
+    (PUSH,): (solid_phases.push,),
+}
+FREE: dict[Passes, tuple[Any, ...]] = {
+    (GATHER,): (gather,), (SORT,): (enter, tally, put), (FIND,): (find,), (FIND, SURVEY): (divergence.find_and_survey,),
+    (SURVEY,): (divergence.survey,), (RELAX,): (divergence.relax,), (PUSH_APART,): (divergence.push,),
+    (TAKE_UP,): (divergence.take_up,), (SHAPE,): (divergence.shape,), (ACCELERATE,): (accelerate,),
+    (FORESEE,): (divergence.foresee,), (MOVE,): (divergence.move,),
+}  # fmt: skip
+
+
+def phases_of(parts: frozenset[str]) -> dict[Passes, tuple[Any, ...]]:
+    """Return the phases of each pass, and of passes that are done at once."""
+    if "divergence-free" in parts:
+        return FREE
+    return POSITIONS | (SINKS if "sink" in parts else {}) | (AMONG_SOLIDS if "solids" in parts else {})
+
+
+def fused_passes(parts: frozenset[str]) -> list[Passes]:
+    """Return the runs of passes of a substep that one phase does."""
+    return [passes for passes in phases_of(parts) if len(passes) > 1]
+
+
+phase = Open("phase(part, bands, at, world): the work of a band")
+following = Open("following(team, member, bands, at, world): the phases after this one")
+inside = Open("inside(team, member, bands, at, world): the phases of an iteration")
+substep = Open("substep(team, member, bands, at, world): all phases of a substep")
+always = open_constant("False for a phase that the first iteration leaves out")
+solve = open_constant("True in the second solve of `divergence-free`")
+
+
+@routine
+def in_turn(team, member, bands, at, world):
+    if always or at.iteration > 0:
+        for part in assigned(team, member, bands):
+            if FEATURE.flow:  # some phases change the number of active particles
+                w, sizes = world, Sizes(world.flow.particles[0], world.sizes.room, world.sizes.nobody)
+                now = Fluid(
+                    sizes, w.state, w.unsorted, w.in_order, w.work, w.table, w.lists, w.scratch, w.parameters, w.fluids,
+                    w.integers, w.bodies, w.kinds, w.flow, w.solids,
+                )  # fmt: skip
+                phase(part, bands, at, now)
+            else:
+                phase(part, bands, at, world)
+    following(team, member, bands, at, world)
+
+
+@routine
+def iterated(team, member, bands, at, world):
+    for iteration in range(at.iterations):
+        inside(team, member, bands, At(at.step, at.number, iteration, at.iterations, solve), world)
+    following(team, member, bands, at, world)
+
+
+@routine
+def nothing(team, member, bands, at, world):
+    pass
+
+
+@routine
+def advance(team, member, bands, steps, step, substeps, iterations, world):
+    for turn in range(steps * substeps):
+        at = At(step + turn // substeps, step * substeps + turn, 0, iterations, False)
+        substep(team, member, bands, at, world)
+
+
+def in_order(phases: Sequence[Any], after: Any = nothing, always: bool = True) -> Any:
+    """Return a routine that runs phases, and then the routine `after`."""
+    for one in reversed(phases):
+        after = filled(in_turn, {"phase": one, "following": after, "always": always})
+    return after
+
+
+def substep_routine(parts: frozenset[str]) -> Any:
+    """Return the routine that runs the phases of a substep, in the order of its passes."""
+    phases, nodes, after = phases_of(parts), substep_of(parts), nothing
+    runs = {(run.passes[0], run.iteration): run.passes for run in runs_of(nodes, 2, fused_passes(parts))}
+
+    def before(one: Pass, after: Any, iteration: int = 0) -> Any:
+        passes = runs.get((one.name, iteration))  # without passes that the kernel of an earlier one does
+        return in_order(phases[passes], after, (one.name, 0) in runs) if passes else after
+
+    for node in reversed(nodes):
+        if isinstance(node, Iterations):
+            body = nothing
+            for one in reversed(node.passes):
+                body = before(one, body, 1)
+            after = filled(iterated, {"inside": body, "following": after, "solve": node.argument == SECOND})
+        else:
+            after = before(node, after)
+    return after
+
+
+def _variant(real: Real, math: str, parts: frozenset[str]) -> tuple[Compiler, Variant]:
+    compiler = Compiler(f"fluid_{np.dtype(real).name}_{math}_{'_'.join(sorted(parts))}", math)
+    features = fluid_features(parts)
+    return compiler, compiler.variant_of(real, features | {"neighbours": MAX_NEIGHBOURS[features["axes"]]})
+
+
+@cache
+def make_advance(real: Real, math: str, parts: frozenset[str]) -> Callable:
+    """Compile advance(bands, steps, step, substeps, iterations, world), which runs many steps in one call."""
+    compiler, variant = _variant(real, math, parts)
+    whole = filled(advance, {"substep": substep_routine(parts)})
+    return compiler.team(variant.copied(with_forces(whole, parts)))
+
+
+@cache
+def make_pass(real: Real, math: str, parts: frozenset[str], name: str) -> Callable:
+    """Compile a pass (bands, at, world), as a parallel loop, or by a team if it has several phases."""
+    compiler, variant = _variant(real, math, parts)
+    phases = phases_of(parts)[(name,)]
+    if len(phases) == 1:
+        return compiler.banded(variant(with_forces(phases[0], parts)))
+    return compiler.team(variant.copied(with_forces(in_order(phases), parts)))
