@@ -6,7 +6,7 @@ A phase (part, bands, at, world) does a band of particles; the next one begins w
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import cache
 from typing import Any
 
@@ -23,7 +23,7 @@ from softlab.cpu_backend.fluid.flow import drain, emit, rest
 from softlab.cpu_backend.fluid.phases import enter, predict, put, tally
 from softlab.cpu_backend.fluid.velocities import finish, shape, update
 from softlab.model.base.types import Real
-from softlab.model.base.variant import FEATURE, Open, Variant, filled, open_constant, routine
+from softlab.model.base.variant import FEATURE, Open, filled, open_constant, routine
 from softlab.model.fluid.divergence_plan import SECOND
 from softlab.model.fluid.parameters import MAX_NEIGHBOURS
 from softlab.model.fluid.passes import (
@@ -130,52 +130,60 @@ def advance(team, member, bands, steps, step, substeps, iterations, world):
         substep(team, member, bands, at, world)
 
 
-def in_order(phases: Sequence[Any], after: Any = nothing, always: bool = True) -> Any:
-    """Return a routine that runs phases, and then the routine `after`."""
-    for one in reversed(phases):
-        after = filled(in_turn, {"phase": one, "following": after, "always": always})
-    return after
+class _Composer:
+    """Composes the phases of a fluid with `parts`, in a variant."""
 
+    def __init__(self, real: Real, math: str, parts: frozenset[str]):
+        self.parts, self.phases = parts, phases_of(parts)
+        self.compiler = Compiler(f"fluid_{np.dtype(real).name}_{math}_{'_'.join(sorted(parts))}", math)
+        features = fluid_features(parts)
+        features |= {"neighbours": MAX_NEIGHBOURS[features["axes"]]}
+        self.variant = self.compiler.variant_of(real, features)
+        self.nothing = self.compiled(nothing)
 
-def substep_routine(parts: frozenset[str]) -> Any:
-    """Return the routine that runs the phases of a substep, in the order of its passes."""
-    phases, nodes, after = phases_of(parts), substep_of(parts), nothing
-    runs = {(run.passes[0], run.iteration): run.passes for run in runs_of(nodes, 2, fused_passes(parts))}
+    def compiled(self, routine: Any, **names: Any) -> Any:
+        """Compile a part of a team's work with the open `names` replaced. It is not optimised on its own: each would be
+        optimised with all that follows it."""
+        return self.compiler.body(self.variant.copied(with_forces(filled(routine, names), self.parts)))
 
-    def before(one: Pass, after: Any, iteration: int = 0) -> Any:
-        passes = runs.get((one.name, iteration))  # without passes that the kernel of an earlier one does
-        return in_order(phases[passes], after, (one.name, 0) in runs) if passes else after
+    def in_order(self, passes: Passes, after: Any, always: bool = True) -> Any:
+        """Compile the phases of some passes, and then `after`."""
+        for one in reversed(self.phases[passes]):
+            after = self.compiled(in_turn, phase=one, following=after, always=always)
+        return after
 
-    for node in reversed(nodes):
-        if isinstance(node, Iterations):
-            body = nothing
-            for one in reversed(node.passes):
-                body = before(one, body, 1)
-            after = filled(iterated, {"inside": body, "following": after, "solve": node.argument == SECOND})
-        else:
-            after = before(node, after)
-    return after
+    def substep(self) -> Any:
+        """Compile the phases of a substep, in the order of its passes."""
+        nodes, after = substep_of(self.parts), self.nothing
+        runs = {(run.passes[0], run.iteration): run.passes for run in runs_of(nodes, 2, fused_passes(self.parts))}
 
+        def before(one: Pass, after: Any, iteration: int = 0) -> Any:
+            passes = runs.get((one.name, iteration))  # none if a phase of earlier passes does this one, too
+            return self.in_order(passes, after, (one.name, 0) in runs) if passes else after
 
-def _variant(real: Real, math: str, parts: frozenset[str]) -> tuple[Compiler, Variant]:
-    compiler = Compiler(f"fluid_{np.dtype(real).name}_{math}_{'_'.join(sorted(parts))}", math)
-    features = fluid_features(parts)
-    return compiler, compiler.variant_of(real, features | {"neighbours": MAX_NEIGHBOURS[features["axes"]]})
+        for node in reversed(nodes):
+            if isinstance(node, Iterations):
+                body = self.nothing
+                for one in reversed(node.passes):
+                    body = before(one, body, 1)
+                after = self.compiled(iterated, inside=body, following=after, solve=node.argument == SECOND)
+            else:
+                after = before(node, after)
+        return after
 
 
 @cache
 def make_advance(real: Real, math: str, parts: frozenset[str]) -> Callable:
     """Compile advance(bands, steps, step, substeps, iterations, world), which runs many steps in one call."""
-    compiler, variant = _variant(real, math, parts)
-    whole = filled(advance, {"substep": substep_routine(parts)})
-    return compiler.team(variant.copied(with_forces(whole, parts)))
+    composer = _Composer(real, math, parts)
+    return composer.compiler.team(composer.variant.copied(filled(advance, {"substep": composer.substep()})))
 
 
 @cache
 def make_pass(real: Real, math: str, parts: frozenset[str], name: str) -> Callable:
     """Compile a pass (bands, at, world), as a parallel loop, or by a team if it has several phases."""
-    compiler, variant = _variant(real, math, parts)
-    phases = phases_of(parts)[(name,)]
+    composer = _Composer(real, math, parts)
+    phases = composer.phases[(name,)]
     if len(phases) == 1:
-        return compiler.banded(variant(with_forces(phases[0], parts)))
-    return compiler.team(variant.copied(with_forces(in_order(phases), parts)))
+        return composer.compiler.banded(composer.variant(with_forces(phases[0], parts)))
+    return composer.compiler.team(composer.in_order((name,), composer.nothing))
