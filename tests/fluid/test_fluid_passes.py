@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from flow_scenes import FLOWS
 from fluid_scenes import SCENES
+from solid_scenes import DevicePlaces, fluid_scene, samples_of
 
 from softlab.app.driver import open_simulation
 from softlab.bench.keys.record import fake_gpu, recorded
