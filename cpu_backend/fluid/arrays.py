@@ -141,6 +141,18 @@ class Sides(NamedTuple):
     half_z: float
 
 
+class Pairs(NamedTuple):
+    """Constants of sums over pairs of particles: sides of the periodic box; support radius [m], its inverse, scale of
+    gradients, the tensile correction and its inverse kernel."""
+
+    sides: Sides
+    support: float
+    inverse: float
+    scale: float
+    tensile: float
+    inverse_tensile: float
+
+
 class Flow(NamedTuple):
     """Arrays of emitters and sinks: number of active particles (1,); particles that were due while all particles of their
     fluid were active (1,); first particle of each fluid (fluids + 1,); 1 if a particle is active, by number (particles,);

@@ -11,7 +11,7 @@ import numpy as np
 
 from softlab.cpu_backend.contact.colliders import collide_row, instants
 from softlab.cpu_backend.core.layout import row_at
-from softlab.cpu_backend.fluid.arrays import Around, Sides
+from softlab.cpu_backend.fluid.arrays import Around, Pairs, Sides
 from softlab.cpu_backend.fluid.lists import AROUND, RUNS, find_neighbours
 from softlab.cpu_backend.fluid.pairs import corrections, densities, gradients
 from softlab.cpu_backend.fluid.phases import cells_in, positions
@@ -38,6 +38,12 @@ def sides_of(p):
     if FEATURE.repeats:
         return Sides(p.side_x, p.side_y, p.side_z, p.half_x, p.half_y, p.half_z)
     return Sides(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+@routine
+def pairs_of(p):
+    """Return the Pairs of arrays.py."""
+    return Pairs(sides_of(p), p.support, p.inverse_support, p.gradient_scale, p.tensile, p.inverse_tensile)
 
 
 @routine
@@ -69,7 +75,7 @@ def factors(part, shared, at, world):
     count, capacity, in_order = world.sizes.particles, world.sizes.room, world.in_order
     longest, entries, work = world.lists.longest, world.lists.entries, world.work
     place, fluid, delta, wall = in_order.position, in_order.fluid, work.delta, work.wall
-    slices, sides, (_, end, _) = (count + LANES - 1) // LANES, sides_of(parameters), instants(at.number, parameters)
+    slices, (_, end, _) = (count + LANES - 1) // LANES, instants(at.number, parameters)
     gx, gy, gz, squares, total, wall_part = sums_of(part, world.scratch.sums)
     for s in range(slices * part // shared, slices * (part + 1) // shared):
         base = np.int64(s) * LANES
@@ -77,17 +83,14 @@ def factors(part, shared, at, world):
             gx[lane], gy[lane], gz[lane], squares[lane], total[lane] = 0.0, 0.0, 0.0, 0.0, 0.0
         gradients(
             longest[s], base, row_at(entries, base * FEATURE.neighbours), row_at(place, QUADS * capacity),
-            *numbers_of(part, world.scratch.sums), *vector_at(place, capacity, base), sides, parameters.support,
-            parameters.inverse_support, parameters.gradient_scale, fluid, fluids, gx, gy, gz, squares, total,
+            numbers_of(part, world.scratch.sums), vector_at(place, capacity, base), pairs_of(parameters), fluid, fluids,
+            (gx, gy, gz, squares, total),
         )  # fmt: skip
         if FEATURE.walls:
-            wall_rows(
-                world.bodies, world.kinds, end, parameters, *vector_at(place, capacity, base), wall_part,
-                *vector_at(wall, capacity, base)
-            )  # fmt: skip
+            wall_rows(end, world, vector_at(place, capacity, base), wall_part, vector_at(wall, capacity, base))
         factor_rows(
-            parameters.relaxation, parameters.softness, row_at(fluid, base), fluids, gx, gy, gz, squares,
-            *vector_at(wall, capacity, base), row_at(work.factor, base), row_at(work.multiplier, base),
+            parameters.relaxation, parameters.softness, row_at(fluid, base), fluids, (gx, gy, gz, squares),
+            vector_at(wall, capacity, base), row_at(work.factor, base), row_at(work.multiplier, base),
         )  # fmt: skip
         if constrains:
             relax_rows(
@@ -106,7 +109,7 @@ def constrain(part, shared, at, world):
     parameters, (place, _) = world.parameters, positions(at.iteration, world)
     count, capacity, lists, work = world.sizes.particles, world.sizes.room, world.lists, world.work
     scratch = world.scratch.sums
-    slices, sides, (_, end, _) = (count + LANES - 1) // LANES, sides_of(parameters), instants(at.number, parameters)
+    slices, (_, end, _) = (count + LANES - 1) // LANES, instants(at.number, parameters)
     total, _, _, _, _, wall_part = sums_of(part, scratch)
     for s in range(slices * part // shared, slices * (part + 1) // shared):
         base = np.int64(s) * LANES
@@ -114,13 +117,10 @@ def constrain(part, shared, at, world):
             total[lane] = 0.0
         densities(
             lists.longest[s], row_at(lists.entries, base * FEATURE.neighbours), row_at(place, QUADS * capacity),
-            *numbers_of(part, scratch), *vector_at(place, capacity, base), sides, parameters.inverse_support, total,
+            numbers_of(part, scratch), vector_at(place, capacity, base), pairs_of(parameters), total,
         )  # fmt: skip
         if FEATURE.walls:
-            wall_rows(
-                world.bodies, world.kinds, end, parameters, *vector_at(place, capacity, base), wall_part,
-                *vector_at(work.wall, capacity, base)
-            )  # fmt: skip
+            wall_rows(end, world, vector_at(place, capacity, base), wall_part, vector_at(work.wall, capacity, base))
         relax_rows(
             parameters.lattice_sum, parameters.density_scale, total, wall_part, row_at(work.factor, base),
             row_at(work.multiplier, base), row_at(work.delta, base), row_at(work.error, base),
@@ -135,7 +135,7 @@ def correct(part, shared, at, world):
     capacity, in_order, delta, lists = world.sizes.room, world.in_order, world.work.delta, world.lists
     scratch = world.scratch.sums
     longest, entries, before, fluid = lists.longest, lists.entries, in_order.before, in_order.fluid
-    slices, sides = (world.sizes.particles + LANES - 1) // LANES, sides_of(parameters)
+    slices = (world.sizes.particles + LANES - 1) // LANES
     sums, blocks = sums_of(part, scratch), SINGLE_BLOCKS if FEATURE.single else DOUBLE_BLOCKS
     ax, ay, az = sums[:3]
     for s in range(slices * part // shared, slices * (part + 1) // shared):
@@ -144,12 +144,12 @@ def correct(part, shared, at, world):
             ax[lane], ay[lane], az[lane] = 0.0, 0.0, 0.0
         corrections(
             longest[s], base, row_at(entries, base * FEATURE.neighbours), row_at(place, QUADS * capacity),
-            *numbers_of(part, scratch), *vector_at(place, capacity, base), row_at(delta, base), sides, parameters.support,
-            parameters.inverse_support, parameters.gradient_scale, parameters.tensile, parameters.inverse_tensile, ax, ay, az,
+            numbers_of(part, scratch), vector_at(place, capacity, base), row_at(delta, base), pairs_of(parameters),
+            (ax, ay, az),
         )  # fmt: skip
         move_rows(
-            row_at(fluid, base), world.fluids, row_at(delta, base), *vector_at(world.work.wall, capacity, base),
-            *vector_at(place, capacity, base), *sums,
+            row_at(fluid, base), world.fluids, row_at(delta, base), vector_at(world.work.wall, capacity, base),
+            vector_at(place, capacity, base), sums,
         )  # fmt: skip
         if FEATURE.colliders:
             collide_row(

@@ -14,7 +14,7 @@ import numpy as np
 from softlab.cpu_backend.contact.colliders import collide_mass, instants
 from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.fluid.cells import row_of
-from softlab.cpu_backend.fluid.constraint import find, sides_of
+from softlab.cpu_backend.fluid.constraint import find, pairs_of
 from softlab.cpu_backend.fluid.divergence_pairs import approaches
 from softlab.cpu_backend.fluid.impact import settled
 from softlab.cpu_backend.fluid.pairs import corrections, densities
@@ -40,16 +40,14 @@ from softlab.model.formulas.fluid.motion import drifted, limited_change, slowed,
 @routine
 def approach(s, many, world, vector, total):
     """Add the contribution of a vector field to the rate of C, summed over the neighbours of slice s, to `total`."""
-    capacity, lists, parameters = world.sizes.room, world.lists, world.parameters
+    capacity, lists = world.sizes.room, world.lists
     base, place = np.int64(s) * LANES, world.in_order.position
     for lane in range(LANES):
         total[lane] = 0.0
     approaches(
-        many, base, row_at(lists.entries, base * FEATURE.neighbours), place, row_at(place, capacity),
-        row_at(place, 2 * capacity), vector, row_at(vector, capacity), row_at(vector, 2 * capacity), row_at(place, base),
-        row_at(place, capacity + base), row_at(place, 2 * capacity + base), row_at(vector, base),
-        row_at(vector, capacity + base), row_at(vector, 2 * capacity + base), sides_of(parameters),
-        parameters.support, parameters.inverse_support, parameters.gradient_scale, total,
+        many, base, row_at(lists.entries, base * FEATURE.neighbours), vector_at(place, capacity, 0),
+        vector_at(vector, capacity, 0), vector_at(place, capacity, base), vector_at(vector, capacity, base),
+        pairs_of(world.parameters), total,
     )  # fmt: skip
 
 
@@ -78,7 +76,7 @@ def shape(part, shared, at, world):
 @routine
 def survey(part, shared, at, world):
     """Evaluate the constraints and the target of the first solve."""
-    parameters, bodies, kinds = world.parameters, world.bodies, world.kinds
+    parameters = world.parameters
     count, capacity, unsorted = world.sizes.particles, world.sizes.room, world.unsorted
     in_order, error, wall, lists = world.in_order, world.work.error, world.work.wall, world.lists
     scratch = world.scratch.sums
@@ -96,17 +94,16 @@ def survey(part, shared, at, world):
             total[lane] = 0.0
         densities(
             longest[s], row_at(lists.entries, base * FEATURE.neighbours), row_at(place, QUADS * capacity),
-            *numbers_of(part, scratch), *vector_at(place, capacity, base), sides_of(parameters),
-            parameters.inverse_support, total,
+            numbers_of(part, scratch), vector_at(place, capacity, base), pairs_of(parameters), total,
         )  # fmt: skip
         approach(s, longest[s], world, velocity, coming)
         for lane in range(LANES):
             wall_part[lane], earlier[lane] = 0.0, 0.0
         if FEATURE.walls:
             position_rows, (_, _, wz, _) = vector_at(place, capacity, base), numbers_of(part, scratch)
-            wall_rows(bodies, kinds, end, parameters, *position_rows, wall_part, *vector_at(wall, capacity, base))
+            wall_rows(end, world, position_rows, wall_part, vector_at(wall, capacity, base))
             if FEATURE.moving:
-                wall_rows(bodies, kinds, begin, parameters, *position_rows, earlier, wx, wy, wz)
+                wall_rows(begin, world, position_rows, earlier, (wx, wy, wz))
         for lane in range(min(LANES, count - base)):
             i, came = base + lane, 0.0
             if FEATURE.moving:
@@ -178,9 +175,8 @@ def push(part, shared, at, world):
             ax[lane], ay[lane], az[lane] = 0.0, 0.0, 0.0
         corrections(
             lists.longest[s], base, row_at(lists.entries, base * FEATURE.neighbours), row_at(place, QUADS * capacity),
-            *numbers_of(part, scratch), *vector_at(place, capacity, base), row_at(delta, base), sides_of(parameters),
-            parameters.support, parameters.inverse_support, parameters.gradient_scale, parameters.tensile,
-            parameters.inverse_tensile, ax, ay, az,
+            numbers_of(part, scratch), vector_at(place, capacity, base), row_at(delta, base), pairs_of(parameters),
+            (ax, ay, az),
         )  # fmt: skip
         for lane in range(min(LANES, count - base)):
             i = base + lane
@@ -238,9 +234,8 @@ def move(part, shared, at, world):
         bx, by, bz = place[i], place[capacity + i], place[2 * capacity + i]
         x, y, z = drifted(bx, u, h), drifted(by, v, h), drifted(bz, w, h)
         if FEATURE.colliders:
-            u, v, w = settled(
-                bodies, kinds, at.number, parameters, bx, by, bz, u, v, w, mx, my, mz, second[i], fluids[row + F_WEIGHT]
-            )  # fmt: skip
+            before, corrected = (bx, by, bz), (mx, my, mz)
+            u, v, w = settled(at, world, before, (u, v, w), corrected, second[i], fluids[row + F_WEIGHT])
             (x, y, z), (u, v, w) = collide_mass(
                 bodies, kinds, at.number, parameters, (bx, by, bz), (x, y, z), (u, v, w)
             )

@@ -20,12 +20,11 @@ from softlab.model.formulas.fluid.motion import accelerated, braked, buoyant, sl
 
 
 @row_routine
-def approaches(
-    many, first, entries, x, y, z, u, v, w, centre_x, centre_y, centre_z, centre_u, centre_v, centre_w, sides,
-    support, inverse, scale, total,
-):  # fmt: skip
-    """Add the contribution of a vector (u, v, w) of each particle to the constraints to `total`. The arguments are
-    those of cpu_backend/fluid/pairs.py."""
+def approaches(many, first, entries, place, vector, centre, centre_vector, pairs, total):
+    """Add the contribution of a vector of each particle to the constraints to `total`. The arguments are those of
+    cpu_backend/fluid/pairs.py."""
+    (x, y, z), (u, v, w), (sides, support, inverse, scale, _, _) = place, vector, pairs
+    (centre_x, centre_y, centre_z), (centre_u, centre_v, centre_w) = centre, centre_vector
     for k in range(many):
         for lane in range(LANES):
             j = entries[k * LANES + lane]
@@ -76,8 +75,7 @@ def forced(number, row, step, parameters, fluids, integers):
 def accelerate(part, shared, at, world):
     """Apply neighbours, drag and forces to the velocities, and write them into the state."""
     parameters, fluids = world.parameters, world.fluids
-    count, capacity, unsorted = world.sizes.particles, world.sizes.room, world.unsorted
-    in_order, work, neighbours = world.in_order, world.work, world.lists.neighbours
+    count, capacity, in_order, work = world.sizes.particles, world.sizes.room, world.in_order, world.work
     place, predicted_velocity, velocity, error = (
         in_order.position,
         in_order.velocity,
@@ -89,10 +87,7 @@ def accelerate(part, shared, at, world):
         row = row_of(in_order.fluid, i)
         if FEATURE.smoothing:
             entry_row = row_at(world.lists.entries, np.int64(i // LANES) * (LANES * FEATURE.neighbours) + i % LANES)
-            u, v, w = smooth(
-                i, neighbours[i], entry_row, capacity, place, predicted_velocity, unsorted.before,
-                unsorted.position, sides, parameters, in_order.fluid, fluids,
-            )  # fmt: skip
+            u, v, w = smooth(i, entry_row, place, world, sides)
         else:
             u, v, w = predicted_velocity[i], predicted_velocity[capacity + i], predicted_velocity[2 * capacity + i]
         if FEATURE.drag:

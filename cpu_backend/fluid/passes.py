@@ -139,9 +139,9 @@ class _Composer:
         features = fluid_features(parts)
         features |= {"neighbours": MAX_NEIGHBOURS[features["axes"]]}
         self.variant = self.compiler.variant_of(real, features)
-        self.nothing = self.compiled(nothing)
+        self.nothing = self.compiled(nothing, {})
 
-    def compiled(self, routine: Any, **names: Any) -> Any:
+    def compiled(self, routine: Any, names: dict[str, Any]) -> Any:
         """Compile a part of a team's work with the open `names` replaced. It is not optimised on its own: each would be
         optimised with all that follows it."""
         return self.compiler.body(self.variant.copied(with_forces(filled(routine, names), self.parts)))
@@ -149,7 +149,7 @@ class _Composer:
     def in_order(self, passes: Passes, after: Any, always: bool = True) -> Any:
         """Compile the phases of some passes, and then `after`."""
         for one in reversed(self.phases[passes]):
-            after = self.compiled(in_turn, phase=one, following=after, always=always)
+            after = self.compiled(in_turn, {"phase": one, "following": after, "always": always})
         return after
 
     def substep(self) -> Any:
@@ -166,7 +166,8 @@ class _Composer:
                 body = self.nothing
                 for one in reversed(node.passes):
                     body = before(one, body, 1)
-                after = self.compiled(iterated, inside=body, following=after, solve=node.argument == SECOND)
+                second = node.argument == SECOND
+                after = self.compiled(iterated, {"inside": body, "following": after, "solve": second})
             else:
                 after = before(node, after)
         return after

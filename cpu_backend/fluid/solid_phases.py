@@ -10,6 +10,7 @@ import numpy as np
 from softlab.cpu_backend.contact.colliders import collide_mass, instants
 from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.fluid.cells import AXES, BOX, LARGEST, row_of
+from softlab.cpu_backend.fluid.constraint import pairs_of
 from softlab.cpu_backend.fluid.phases import positions
 from softlab.cpu_backend.fluid.quads import LANES
 from softlab.cpu_backend.fluid.rows import factor_rows, relax_rows, vector_at
@@ -148,19 +149,15 @@ def factors(part, shared, at, world):
         for lane in range(LANES):
             gx[lane], gy[lane], gz[lane], squares[lane] = 0.0, 0.0, 0.0, 0.0
         gradients(
-            longest[s], base, row_at(entries, base * FEATURE.neighbours), place, row_at(place, capacity),
-            row_at(place, 2 * capacity), *vector_at(place, capacity, base), parameters.support,
-            parameters.inverse_support, parameters.gradient_scale, kinds, row_at(kinds, K_LIGHTNESS * capacity), gx,
-            gy, gz, squares,
+            longest[s], base, row_at(entries, base * FEATURE.neighbours), vector_at(place, capacity, 0),
+            vector_at(place, capacity, base), pairs_of(parameters), kinds, row_at(kinds, K_LIGHTNESS * capacity),
+            (gx, gy, gz, squares),
         )  # fmt: skip
         if FEATURE.walls:
-            wall_rows(
-                world.bodies, world.kinds, end, parameters, *vector_at(place, capacity, base), wall_part,
-                *vector_at(wall, capacity, base)
-            )  # fmt: skip
+            wall_rows(end, world, vector_at(place, capacity, base), wall_part, vector_at(wall, capacity, base))
         factor_rows(
-            parameters.relaxation, parameters.softness, row_at(fluid, base), fluids, gx, gy, gz, squares,
-            *vector_at(wall, capacity, base), row_at(factor, base), row_at(world.work.multiplier, base),
+            parameters.relaxation, parameters.softness, row_at(fluid, base), fluids, (gx, gy, gz, squares),
+            vector_at(wall, capacity, base), row_at(factor, base), row_at(world.work.multiplier, base),
         )  # fmt: skip
         for i in range(base, min(base + LANES, count)):
             if numbers[i] >= first:
@@ -183,14 +180,11 @@ def constrain(part, shared, at, world):
         for lane in range(LANES):
             total[lane] = 0.0
         densities(
-            longest[s], row_at(entries, base * FEATURE.neighbours), place, row_at(place, capacity),
-            row_at(place, 2 * capacity), *vector_at(place, capacity, base), parameters.inverse_support, kinds, total,
+            longest[s], row_at(entries, base * FEATURE.neighbours), vector_at(place, capacity, 0),
+            vector_at(place, capacity, base), parameters.inverse_support, kinds, total,
         )  # fmt: skip
         if FEATURE.walls:
-            wall_rows(
-                world.bodies, world.kinds, end, parameters, *vector_at(place, capacity, base), wall_part,
-                *vector_at(wall, capacity, base)
-            )  # fmt: skip
+            wall_rows(end, world, vector_at(place, capacity, base), wall_part, vector_at(wall, capacity, base))
         relax_rows(
             parameters.lattice_sum, parameters.density_scale, total, wall_part, row_at(world.work.factor, base),
             row_at(multiplier, base), row_at(delta, base), row_at(error, base),
@@ -209,30 +203,22 @@ def correct(part, shared, at, world):
     wall, lists = world.work.wall, world.lists
     first, kinds, slots, shift = coupling.fluids, coupling.kinds, coupling.slots, coupling.shift
     before, numbers, fluid = in_order.before, in_order.number, in_order.fluid
-    neighbours, longest, entries, slices = (
-        lists.neighbours,
-        lists.longest,
-        lists.entries,
-        (count + LANES - 1) // LANES,
-    )
+    longest, entries, slices = lists.longest, lists.entries, (count + LANES - 1) // LANES
     (ax, ay, az, _, _), many = rows_of(part, scratch), slots.size
-    grip, lightness = row_at(kinds, K_GRIP * capacity), row_at(kinds, K_LIGHTNESS * capacity)
+    grip = row_at(kinds, K_GRIP * capacity)
     for s in range(slices * part // shared, slices * (part + 1) // shared):
         base = np.int64(s) * LANES
         for lane in range(LANES):
             ax[lane], ay[lane], az[lane] = 0.0, 0.0, 0.0
         corrections(
-            longest[s], base, row_at(entries, base * FEATURE.neighbours), place, row_at(place, capacity),
-            row_at(place, 2 * capacity), delta, kinds, grip, *vector_at(place, capacity, base), row_at(delta, base),
-            row_at(kinds, base), row_at(grip, base), parameters.support, parameters.inverse_support,
-            parameters.gradient_scale, parameters.tensile, parameters.inverse_tensile, ax, ay, az,
+            longest[s], base, row_at(entries, base * FEATURE.neighbours), vector_at(place, capacity, 0),
+            (delta, kinds, grip), vector_at(place, capacity, base),
+            (row_at(delta, base), row_at(kinds, base), row_at(grip, base)), pairs_of(parameters), (ax, ay, az),
         )  # fmt: skip
         for lane in range(min(LANES, count - base)):
             i = base + lane
-            cx, cy, cz = frictions(
-                i, neighbours[i], row_at(entries, base * FEATURE.neighbours + lane), capacity, place, before,
-                parameters.inverse_support, grip, lightness, fluid, fluids, ax[lane], ay[lane], az[lane],
-            )  # fmt: skip
+            entry_row = row_at(entries, base * FEATURE.neighbours + lane)
+            cx, cy, cz = frictions(i, entry_row, place, world, (ax[lane], ay[lane], az[lane]))
             px, py, pz = place[i], place[capacity + i], place[2 * capacity + i]
             sample = np.int64(numbers[i]) - first
             if sample >= 0:
