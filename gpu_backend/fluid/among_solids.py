@@ -32,8 +32,13 @@ class SolidPlaces(Protocol):
     before: DeviceArray
     position: DeviceArray
 
-    taking: int  # launches of `take` of positions only; there are twice as many if `fresh`
-    giving: int  # launches of `give`
+    @property
+    def taking(self) -> int:
+        """Number of launches of `take` of positions only; there are twice as many if `fresh`."""
+
+    @property
+    def giving(self) -> int:
+        """Number of launches of `give`."""
 
     def take(self, fresh: bool) -> None:
         """Bring `position` up to date, and `before` too if `fresh`."""

@@ -68,9 +68,11 @@ DIVERGENCE_FREE = (
     Pass(SURVEY, around(2), Scalars(1), {"neighbour": density.OPERATIONS_DENSITY + divergence.OPERATIONS_APPROACH}),
     Iterations(SOLVE, FIRST),
     Pass(TAKE_UP, Scalars(2), Scalars(1), {"particle": divergence.OPERATIONS_MOVE}),
-    Pass(SHAPE, around(2, own=2), Scalars(2), {"neighbour": motion.OPERATIONS_SHAPE}, needs=SHAPES),
+    Pass(SHAPE, around(2, particle=2), Scalars(2), {"neighbour": motion.OPERATIONS_SHAPE}, needs=SHAPES),
     Pass(ACCELERATE, Scalars(1), Scalars(1), FORCED, without=SMOOTHING),
-    Pass(ACCELERATE, around(2, own=2), Scalars(1), FORCED | {"neighbour": motion.OPERATIONS_SMOOTH}, needs=SMOOTHING),
+    Pass(
+        ACCELERATE, around(2, particle=2), Scalars(1), FORCED | {"neighbour": motion.OPERATIONS_SMOOTH}, needs=SMOOTHING
+    ),
     Pass(FORESEE, around(2), Scalars(1), {"neighbour": divergence.OPERATIONS_APPROACH}),
     Iterations(SOLVE, SECOND),
     Pass(MOVE, Scalars(3), Scalars(2), {"particle": divergence.OPERATIONS_MOVE, "collider": 1}),

@@ -24,14 +24,14 @@ class Scalars(NamedTuple):
     """Scalars per particle and axis that a pass moves: of the particle, of each of its neighbours, and, if `lists` is 1,
     its list of neighbours."""
 
-    own: int
+    particle: int
     neighbours: int = 0
     lists: int = 0
 
 
-def around(vectors: int, own: int = 1) -> Scalars:
+def around(vectors: int, particle: int = 1) -> Scalars:
     """Return what a sum over neighbours reads, for `vectors` vectors of each."""
-    return Scalars(own, vectors, 1)
+    return Scalars(particle, vectors, 1)
 
 
 class Pass(NamedTuple):
@@ -76,7 +76,9 @@ def stages_of(substep: Substep, iterations: int, counts: Mapping[str, float]) ->
 
     def scalars(moved: Scalars) -> int:
         gathered, listed = round(counts["neighbour"]), round(counts["neighbour"] / counts["axis"])
-        return moved.own + moved.neighbours * gathered + moved.lists * listed  # an entry has four bytes, like a scalar
+        return (
+            moved.particle + moved.neighbours * gathered + moved.lists * listed
+        )  # an entry has four bytes, like a scalar
 
     def stage(one: Pass, argument: float = 0.0) -> Stage:
         operations = sum(round(counts[per] * number) for per, number in one.operations.items())

@@ -141,10 +141,10 @@ POSITIONS = (  # of the schemes that correct positions
         )
     ),
     Pass(UPDATE, Scalars(2), Scalars(1), {"particle": 20, "collider": 1}),
-    Pass(SHAPE, around(2, own=2), Scalars(2), {"neighbour": motion.OPERATIONS_SHAPE}, needs=SHAPES),
+    Pass(SHAPE, around(2, particle=2), Scalars(2), {"neighbour": motion.OPERATIONS_SHAPE}, needs=SHAPES),
     Pass(LIMIT, Scalars(1), Scalars(2), {"particle": motion.OPERATIONS_VELOCITY}, without=SMOOTHING),
     Pass(
-        LIMIT, around(2, own=2), Scalars(2), {"particle": motion.OPERATIONS_VELOCITY, "neighbour": motion.OPERATIONS_SMOOTH},
+        LIMIT, around(2, particle=2), Scalars(2), {"particle": motion.OPERATIONS_VELOCITY, "neighbour": motion.OPERATIONS_SMOOTH},
         needs=SMOOTHING,
     ),
 )  # fmt: skip
