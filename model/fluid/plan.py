@@ -144,8 +144,8 @@ POSITIONS = (  # of the schemes that correct positions
     Pass(SHAPE, around(2, particle=2), Scalars(2), {"neighbour": motion.OPERATIONS_SHAPE}, needs=SHAPES),
     Pass(LIMIT, Scalars(1), Scalars(2), {"particle": motion.OPERATIONS_VELOCITY}, without=SMOOTHING),
     Pass(
-        LIMIT, around(2, particle=2), Scalars(2), {"particle": motion.OPERATIONS_VELOCITY, "neighbour": motion.OPERATIONS_SMOOTH},
-        needs=SMOOTHING,
+        LIMIT, around(2, particle=2), Scalars(2),
+        {"particle": motion.OPERATIONS_VELOCITY, "neighbour": motion.OPERATIONS_SMOOTH}, needs=SMOOTHING,
     ),
 )  # fmt: skip
 
