@@ -14,6 +14,7 @@ from solid_scenes import DevicePlaces, fluid_scene, samples_of
 from softlab.app.driver import open_simulation
 from softlab.bench.keys.record import fake_gpu, recorded
 from softlab.cpu_backend.fluid.passes import fused_passes, phases_of
+from softlab.gpu_backend.core import device
 from softlab.model.core.simulation import Options
 from softlab.model.fluid import passes
 from softlab.model.fluid.passes import Iterations, Pass, chosen, runs_of
@@ -46,11 +47,12 @@ def launched_of(scene: Scene) -> dict[tuple[str, ...], list[str]]:
 
 
 @pytest.fixture
-def no_gpu() -> Any:
+def no_gpu(monkeypatch: pytest.MonkeyPatch) -> Any:
     """A GPU that launches nothing; the launches so far."""
     pytest.importorskip("cuda.bindings.runtime")
     if os.environ.get("NUMBA_ENABLE_CUDASIM", "0") not in ("0", ""):
         pytest.skip("the simulator has no dispatcher whose launches could be recorded")
+    monkeypatch.setattr(device, "_probe", lambda: ("", "no GPU"))  # whose answer is kept
     with fake_gpu(), recorded() as calls:
         yield calls
 
