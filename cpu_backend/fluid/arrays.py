@@ -1,4 +1,4 @@
-"""Arrays of a fluid for the CPU kernels, by name. A plane has `room` numbers (fluid/solver.py); an array of several
+"""Arrays of a fluid for the CPU kernels, by name. A plane has `capacity` numbers (fluid/solver.py); an array of several
 values consists of one plane after the other."""
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ class Sizes(NamedTuple):
     """Number of active particles, numbers of a plane, slot of a particle that is far away."""
 
     particles: int
-    room: int
+    capacity: int
     nobody: int
 
 
@@ -110,7 +110,7 @@ class At(NamedTuple):
 
 
 class Fluid(NamedTuple):
-    """What the passes of a fluid's substep read and write: the fluid's arrays, its constants, rows of
+    """All that the passes of a fluid's substep read and write: the fluid's arrays, its constants, rows of
     model/fluid/parameters.py, integers of model/core/own_forces.py, rows and kinds of colliders; Flow and Solids, or ()."""
 
     sizes: Sizes

@@ -28,7 +28,7 @@ def row_of(fluid, k):
 def predict_particles(band, first, last, at, world):
     """Predict the positions of the particles `first` to before `last`, move them out of the colliders of that substep, and
     write the bounding box of the band. Return how many particles the speed limit slowed."""
-    parameters, fluids, capacity, boxes = world.parameters, world.fluids, world.sizes.room, world.table.boxes
+    parameters, fluids, capacity, boxes = world.parameters, world.fluids, world.sizes.capacity, world.table.boxes
     position, velocity, number, fluid = world.state
     before, place, predicted_velocity = world.unsorted
     lx, ly, lz, hx, hy, hz = LARGEST, LARGEST, LARGEST, -LARGEST, -LARGEST, -LARGEST
@@ -151,7 +151,7 @@ def put_in_order(low, high, first, world):
     """
     state, number, table = world.state, world.state.number, world.table
     cell, starts, order = table.cell, table.starts, table.order
-    count, capacity = world.sizes.particles, world.sizes.room
+    count, capacity = world.sizes.particles, world.sizes.capacity
     before, place, predicted_velocity = world.unsorted
     new_before, new_place, new_predicted_velocity, new_number, new_fluid = world.in_order
     end = np.int64(first)

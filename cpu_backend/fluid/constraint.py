@@ -72,7 +72,7 @@ def factors(part, shared, at, world):
     """Build the neighbour lists, and evaluate the factors."""
     search(part, shared, at, world)
     parameters, fluids = world.parameters, world.fluids
-    count, capacity, in_order = world.sizes.particles, world.sizes.room, world.in_order
+    count, capacity, in_order = world.sizes.particles, world.sizes.capacity, world.in_order
     longest, entries, work = world.lists.longest, world.lists.entries, world.work
     place, fluid, delta, wall = in_order.position, in_order.fluid, work.delta, work.wall
     slices, (_, end, _) = (count + LANES - 1) // LANES, instants(at.number, parameters)
@@ -107,7 +107,7 @@ find, prepare = (filled(factors, {"constrains": also}) for also in (False, True)
 def constrain(part, shared, at, world):
     """Evaluate the constraints, and the changes of their multipliers."""
     parameters, (place, _) = world.parameters, positions(at.iteration, world)
-    count, capacity, lists, work = world.sizes.particles, world.sizes.room, world.lists, world.work
+    count, capacity, lists, work = world.sizes.particles, world.sizes.capacity, world.lists, world.work
     scratch = world.scratch.sums
     slices, (_, end, _) = (count + LANES - 1) // LANES, instants(at.number, parameters)
     total, _, _, _, _, wall_part = sums_of(part, scratch)
@@ -132,7 +132,7 @@ def constrain(part, shared, at, world):
 def correct(part, shared, at, world):
     """Correct the positions of an iteration."""
     parameters, (place, there) = world.parameters, positions(at.iteration, world)
-    capacity, in_order, delta, lists = world.sizes.room, world.in_order, world.work.delta, world.lists
+    capacity, in_order, delta, lists = world.sizes.capacity, world.in_order, world.work.delta, world.lists
     scratch = world.scratch.sums
     longest, entries, before, fluid = lists.longest, lists.entries, in_order.before, in_order.fluid
     slices = (world.sizes.particles + LANES - 1) // LANES

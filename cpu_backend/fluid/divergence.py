@@ -40,7 +40,7 @@ from softlab.model.formulas.fluid.motion import drifted, limited_change, slowed,
 @routine
 def approach(s, many, world, vector, total):
     """Add the contribution of a vector field to the rate of C, summed over the neighbours of slice s, to `total`."""
-    capacity, lists = world.sizes.room, world.lists
+    capacity, lists = world.sizes.capacity, world.lists
     base, place = np.int64(s) * LANES, world.in_order.position
     for lane in range(LANES):
         total[lane] = 0.0
@@ -77,7 +77,7 @@ def shape(part, shared, at, world):
 def survey(part, shared, at, world):
     """Evaluate the constraints and the target of the first solve."""
     parameters = world.parameters
-    count, capacity, unsorted = world.sizes.particles, world.sizes.room, world.unsorted
+    count, capacity, unsorted = world.sizes.particles, world.sizes.capacity, world.unsorted
     in_order, error, wall, lists = world.in_order, world.work.error, world.work.wall, world.lists
     scratch = world.scratch.sums
     place, velocity, target = (
@@ -122,7 +122,7 @@ def find_and_survey(part, shared, at, world):
 @routine
 def foresee(part, shared, at, world):
     """Evaluate the target of the second solve."""
-    count, capacity, unsorted, wall = world.sizes.particles, world.sizes.room, world.unsorted, world.work.wall
+    count, capacity, unsorted, wall = world.sizes.particles, world.sizes.capacity, world.unsorted, world.work.wall
     velocity, target = world.state.velocity, row_at(unsorted.velocity, 2 * np.int64(capacity))
     (coming, _, _, _, _, _), slices = sums_of(part, world.scratch.sums), (count + LANES - 1) // LANES
     for s in range(slices * part // shared, slices * (part + 1) // shared):
@@ -137,7 +137,7 @@ def foresee(part, shared, at, world):
 @routine
 def relax(part, shared, at, world):
     """Evaluate the changes of the multipliers, and the new multipliers."""
-    count, capacity, unsorted = world.sizes.particles, world.sizes.room, world.unsorted
+    count, capacity, unsorted = world.sizes.particles, world.sizes.capacity, world.unsorted
     in_order, delta = world.in_order, world.work.delta
     shift, iterate = in_order.before, row_at(unsorted.velocity, np.int64(0))
     ahead, target = row_at(unsorted.velocity, np.int64(capacity)), row_at(unsorted.velocity, 2 * np.int64(capacity))
@@ -165,7 +165,7 @@ def relax(part, shared, at, world):
 def push(part, shared, at, world):
     """Add the effect of the changed multipliers to the shifts."""
     parameters, fluids = world.parameters, world.fluids
-    count, capacity, in_order, delta = world.sizes.particles, world.sizes.room, world.in_order, world.work.delta
+    count, capacity, in_order, delta = world.sizes.particles, world.sizes.capacity, world.in_order, world.work.delta
     wall, lists, scratch = world.work.wall, world.lists, world.scratch.sums
     shift, place, fluid = in_order.before, in_order.position, in_order.fluid
     (ax, ay, az, _, _, _), slices = sums_of(part, scratch), (count + LANES - 1) // LANES
@@ -210,7 +210,7 @@ def corrected_velocity(i, capacity, velocity, shift, parameters, most):
 def take_up(part, shared, at, world):
     """Update the velocities after the first solve."""
     parameters, fluids = world.parameters, world.fluids
-    count, capacity, in_order = world.sizes.particles, world.sizes.room, world.in_order
+    count, capacity, in_order = world.sizes.particles, world.sizes.capacity, world.in_order
     shift, velocity, fluid = in_order.before, in_order.velocity, in_order.fluid
     for i in range(count * part // shared, count * (part + 1) // shared):
         u, v, w = corrected_velocity(i, capacity, velocity, shift, parameters, fluids[row_of(fluid, i) + F_CHANGE])
@@ -221,7 +221,7 @@ def take_up(part, shared, at, world):
 def move(part, shared, at, world):
     """Write the new state and the sum of the multipliers of both solves."""
     parameters, fluids, bodies, kinds = world.parameters, world.fluids, world.bodies, world.kinds
-    count, capacity, in_order = world.sizes.particles, world.sizes.room, world.in_order
+    count, capacity, in_order = world.sizes.particles, world.sizes.capacity, world.in_order
     position, velocity, numbers, fluid = world.state
     shift, place, multiplier = in_order.before, in_order.position, world.work.multiplier
     second = row_at(world.unsorted.velocity, np.int64(capacity))

@@ -40,7 +40,7 @@ def approaches(many, first, entries, place, vector, centre, centre_vector, pairs
 def gather(part, shared, at, world):
     """Copy the state, wrapped into the periodic box, and write the bounding box of the band."""
     parameters = world.parameters
-    count, capacity, position = world.sizes.particles, world.sizes.room, world.state.position
+    count, capacity, position = world.sizes.particles, world.sizes.capacity, world.state.position
     place, predicted_velocity = world.unsorted.position, world.unsorted.velocity
     lx, ly, lz, hx, hy, hz = LARGEST, LARGEST, LARGEST, -LARGEST, -LARGEST, -LARGEST
     for k in range(count * part // shared, count * (part + 1) // shared):
@@ -75,7 +75,7 @@ def forced(number, row, step, parameters, fluids, integers):
 def accelerate(part, shared, at, world):
     """Apply neighbours, drag and forces to the velocities, and write them into the state."""
     parameters, fluids = world.parameters, world.fluids
-    count, capacity, in_order, work = world.sizes.particles, world.sizes.room, world.in_order, world.work
+    count, capacity, in_order, work = world.sizes.particles, world.sizes.capacity, world.in_order, world.work
     place, predicted_velocity, velocity, error = (
         in_order.position,
         in_order.velocity,

@@ -68,7 +68,7 @@ def put_particle(slot, n, fluid_number, capacity, state, row, points, q, layers,
 @routine
 def emit_particles(at, world):
     """Emit the particles of a substep, by one thread."""
-    capacity, state, flow, parameters = world.sizes.room, world.state, world.flow, world.parameters
+    capacity, state, flow, parameters = world.sizes.capacity, world.state, world.flow, world.parameters
     alive, starts, there, emitters = flow.particles, flow.starts, flow.active, flow.emitters
     clock = parameters.dt, parameters.first_step, parameters.first_time
     begin, end = instant(at.number, *clock), instant(at.number + 1, *clock)
@@ -107,7 +107,7 @@ def is_in_sink(sink, x, y, z):
 @routine
 def drain(part, shared, at, world):
     """Assign the cell GONE to the particles of a band that a sink removes."""
-    count, capacity, unsorted, table = world.sizes.particles, world.sizes.room, world.unsorted, world.table
+    count, capacity, unsorted, table = world.sizes.particles, world.sizes.capacity, world.unsorted, world.table
     place, number, cell, there, sinks = (
         unsorted.position,
         world.state.number,

@@ -49,7 +49,7 @@ def picked(i, self_index, lane, neighbour_count, many, around, limit, sides, ent
     """
     near_x, near_y, near_z, squares, who, _ = around
     fluid, sampled = world.in_order.fluid, np.int32(world.parameters.sampled)
-    place, capacity = world.in_order.position, world.sizes.room
+    place, capacity = world.in_order.position, world.sizes.capacity
     x, y, z = place[i], place[capacity + i], place[2 * capacity + i]
     for first in range(0, many, WORD):
         at = np.int64(first)
@@ -146,7 +146,7 @@ def find_neighbours(first, last, world, cells, sides, parameters, around):
 
     `cells`: counts along x, y, z. `around`: Around of arrays.py.
     """
-    count, capacity, table = world.sizes.particles, world.sizes.room, world.table
+    count, capacity, table = world.sizes.particles, world.sizes.capacity, world.table
     place, neighbours, longest = world.in_order.position, world.lists.neighbours, world.lists.longest
     near_x, near_y, near_z, _, who, runs = around
     limit, missed = squared(parameters.support, 0.0, 0.0), 0

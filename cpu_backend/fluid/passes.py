@@ -54,12 +54,14 @@ from softlab.model.fluid.passes import (
 from softlab.model.fluid.plan import fluid_features, substep_of
 
 Passes = tuple[str, ...]
-POSITIONS: dict[Passes, tuple[Any, ...]] = {  # phases of passes; several passes: those that are done at once
+Routine = Any  # of model/base/variant.py, or compiled
+Phases = dict[Passes, tuple[Routine, ...]]
+POSITIONS: Phases = {  # phases of passes; several passes: those that are done at once
     (EMIT,): (emit,), (PREDICT,): (predict,), (SORT,): (enter, tally, put), (FIND,): (find,), (FIND, DENSITY): (prepare,),
     (DENSITY,): (constrain,), (CORRECT,): (correct,), (UPDATE,): (update,), (SHAPE,): (shape,), (LIMIT,): (finish,),
 }  # fmt: skip
-SINKS: dict[Passes, tuple[Any, ...]] = {(SORT,): (enter, drain, tally, put, rest)}
-AMONG_SOLIDS: dict[Passes, tuple[Any, ...]] = {
+SINKS: Phases = {(SORT,): (enter, drain, tally, put, rest)}
+AMONG_SOLIDS: Phases = {
     (SAMPLE,): (solid_phases.sample,),
     (FIND,): (search, solid_phases.gather, solid_phases.factors),
     (FOLLOW,): (solid_phases.follow,),
@@ -67,7 +69,7 @@ AMONG_SOLIDS: dict[Passes, tuple[Any, ...]] = {
     (CORRECT,): (solid_phases.correct,),
     (PUSH,): (solid_phases.push,),
 }
-FREE: dict[Passes, tuple[Any, ...]] = {
+FREE: Phases = {
     (GATHER,): (gather,), (SORT,): (enter, tally, put), (FIND,): (find,), (FIND, SURVEY): (divergence.find_and_survey,),
     (SURVEY,): (divergence.survey,), (RELAX,): (divergence.relax,), (PUSH_APART,): (divergence.push,),
     (TAKE_UP,): (divergence.take_up,), (SHAPE,): (divergence.shape,), (ACCELERATE,): (accelerate,),
@@ -75,7 +77,7 @@ FREE: dict[Passes, tuple[Any, ...]] = {
 }  # fmt: skip
 
 
-def phases_of(parts: frozenset[str]) -> dict[Passes, tuple[Any, ...]]:
+def phases_of(parts: frozenset[str]) -> Phases:
     """Return the phases of each pass, and of passes that are done at once."""
     if "divergence-free" in parts:
         return FREE
@@ -100,7 +102,7 @@ def in_turn(team, member, bands, at, world):
     if always or at.iteration > 0:
         for part in assigned(team, member, bands):
             if FEATURE.flow:  # some phases change the number of active particles
-                w, sizes = world, Sizes(world.flow.particles[0], world.sizes.room, world.sizes.nobody)
+                w, sizes = world, Sizes(world.flow.particles[0], world.sizes.capacity, world.sizes.nobody)
                 now = Fluid(
                     sizes, w.state, w.unsorted, w.in_order, w.work, w.table, w.lists, w.scratch, w.parameters, w.fluids,
                     w.integers, w.bodies, w.kinds, w.flow, w.solids,
@@ -141,23 +143,23 @@ class _Composer:
         self.variant = self.compiler.variant_of(real, features)
         self.nothing = self.compiled(nothing, {})
 
-    def compiled(self, routine: Any, names: dict[str, Any]) -> Any:
+    def compiled(self, routine: Routine, names: dict[str, Routine]) -> Routine:
         """Compile a part of a team's work with the open `names` replaced. It is not optimised on its own: each would be
         optimised with all that follows it."""
         return self.compiler.body(self.variant.copied(with_forces(filled(routine, names), self.parts)))
 
-    def in_order(self, passes: Passes, after: Any, always: bool = True) -> Any:
+    def in_order(self, passes: Passes, after: Routine, always: bool = True) -> Routine:
         """Compile the phases of some passes, and then `after`."""
         for one in reversed(self.phases[passes]):
             after = self.compiled(in_turn, {"phase": one, "following": after, "always": always})
         return after
 
-    def substep(self) -> Any:
+    def substep(self) -> Routine:
         """Compile the phases of a substep, in the order of its passes."""
         nodes, after = substep_of(self.parts), self.nothing
         runs = {(run.passes[0], run.iteration): run.passes for run in runs_of(nodes, 2, fused_passes(self.parts))}
 
-        def before(one: Pass, after: Any, iteration: int = 0) -> Any:
+        def before(one: Pass, after: Routine, iteration: int = 0) -> Routine:
             passes = runs.get((one.name, iteration))  # none if a phase of earlier passes does this one, too
             return self.in_order(passes, after, (one.name, 0) in runs) if passes else after
 

@@ -38,7 +38,7 @@ def enter(part, shared, at, world):
     count, unsorted, table = world.sizes.particles, world.unsorted, world.table
     low, inverse, counts = cells_in(shared, world)
     first, last = count * part // shared, count * (part + 1) // shared
-    enter_particles(first, last, world.sizes.room, unsorted.position, low, inverse, counts, table.cell)
+    enter_particles(first, last, world.sizes.capacity, unsorted.position, low, inverse, counts, table.cell)
 
 
 @routine

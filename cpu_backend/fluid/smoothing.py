@@ -41,7 +41,7 @@ def difference(i, j, capacity, place, sides, support):
 def shapes(i, entries, place, world, sides):
     """Write the normal and the vorticity of particle i, whose neighbours begin at entries[0]."""
     capacity, velocity, fluid, parameters = (
-        world.sizes.room,
+        world.sizes.capacity,
         world.in_order.velocity,
         world.in_order.fluid,
         world.parameters,
@@ -70,7 +70,12 @@ def shapes(i, entries, place, world, sides):
 @routine
 def smooth(i, entries, place, world, sides):
     """Return the velocity of particle i after viscosity, cohesion, surface tension and vorticity confinement."""
-    capacity, velocity, fluid, fluids = world.sizes.room, world.in_order.velocity, world.in_order.fluid, world.fluids
+    capacity, velocity, fluid, fluids = (
+        world.sizes.capacity,
+        world.in_order.velocity,
+        world.in_order.fluid,
+        world.fluids,
+    )
     parameters, (normal, curl, _) = world.parameters, world.unsorted
     support, inverse, scale = parameters.support, parameters.inverse_support, parameters.gradient_scale
     vx, vy, vz = velocity[i], velocity[capacity + i], velocity[2 * capacity + i]

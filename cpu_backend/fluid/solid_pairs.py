@@ -82,7 +82,7 @@ def frictions(i, entries, place, world, sums):
     """Return the sums of particle i with the friction between it and the samples (or particles) near it."""
     if not FEATURE.viscosity:
         return sums
-    (x, y, z), capacity, before, fluid = sums, world.sizes.room, world.in_order.before, world.in_order.fluid
+    (x, y, z), capacity, before, fluid = sums, world.sizes.capacity, world.in_order.before, world.in_order.fluid
     fluids, inverse, kinds = world.fluids, world.parameters.inverse_support, world.solids.kinds
     grip, lightness = row_at(kinds, K_GRIP * capacity), row_at(kinds, K_LIGHTNESS * capacity)
     viscosity_here = fluids[row_of(fluid, i) + F_VISCOSITY]

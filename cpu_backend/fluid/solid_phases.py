@@ -42,7 +42,7 @@ def sample_position(s, corners, weights, rows):
 def sample(part, shared, at, world):
     """Write the predicted positions of samples among the unsorted particles, and the bounding box of the band."""
     coupling = world.solids
-    count, capacity, before = world.sizes.particles, world.sizes.room, world.unsorted.before
+    count, capacity, before = world.sizes.particles, world.sizes.capacity, world.unsorted.before
     place, predicted_velocity, table = world.unsorted.position, world.unsorted.velocity, world.table
     corners, weights = coupling.points.corners, coupling.points.weights
     number, boxes = world.state.number, table.boxes
@@ -73,7 +73,7 @@ def sample(part, shared, at, world):
 def gather(part, shared, at, world):
     """Copy `kinds` into the order of cells, and store the slots of samples."""
     coupling = world.solids
-    count, capacity = world.sizes.particles, world.sizes.room
+    count, capacity = world.sizes.particles, world.sizes.capacity
     fluids, kinds = coupling.fluids, coupling.kinds
     number = world.in_order.number
     for i in range(count * part // shared, count * (part + 1) // shared):
@@ -88,7 +88,7 @@ def gather(part, shared, at, world):
 def follow(part, shared, at, world):
     """Write the current positions of samples."""
     coupling, (place, _) = world.solids, positions(at.iteration, world)
-    capacity = world.sizes.room
+    capacity = world.sizes.capacity
     slots, weights, position = coupling.slots, coupling.points.weights, coupling.places.position
     many = slots.size
     for s in range(many * part // shared, many * (part + 1) // shared):
@@ -131,7 +131,7 @@ def rows_of(part, scratch):
 def factors(part, shared, at, world):
     """Evaluate the neighbour factors of the constraint; 0 for samples."""
     coupling, scratch, parameters, fluids = world.solids, world.solids.sums, world.parameters, world.fluids
-    count, capacity, in_order = world.sizes.particles, world.sizes.room, world.in_order
+    count, capacity, in_order = world.sizes.particles, world.sizes.capacity, world.in_order
     factor, wall, longest = world.work.factor, world.work.wall, world.lists.longest
     entries = world.lists.entries
     first, kinds, place, numbers, fluid = (
@@ -169,7 +169,7 @@ def constrain(part, shared, at, world):
     """Evaluate the constraints, and the changes of their multipliers; 0 for samples."""
     coupling, scratch, parameters = world.solids, world.solids.sums, world.parameters
     place, _ = positions(at.iteration, world)
-    count, capacity, multiplier = world.sizes.particles, world.sizes.room, world.work.multiplier
+    count, capacity, multiplier = world.sizes.particles, world.sizes.capacity, world.work.multiplier
     delta, error, wall, lists = world.work.delta, world.work.error, world.work.wall, world.lists
     first, kinds, numbers = coupling.fluids, coupling.kinds, world.in_order.number
     longest, entries, slices = lists.longest, lists.entries, (count + LANES - 1) // LANES
@@ -199,7 +199,7 @@ def correct(part, shared, at, world):
     """Correct the positions of an iteration; store the shifts of samples."""
     coupling, scratch, parameters, fluids = world.solids, world.solids.sums, world.parameters, world.fluids
     place, there = positions(at.iteration, world)
-    count, capacity, in_order, delta = world.sizes.particles, world.sizes.room, world.in_order, world.work.delta
+    count, capacity, in_order, delta = world.sizes.particles, world.sizes.capacity, world.in_order, world.work.delta
     wall, lists = world.work.wall, world.lists
     first, kinds, slots, shift = coupling.fluids, coupling.kinds, coupling.slots, coupling.shift
     before, numbers, fluid = in_order.before, in_order.number, in_order.fluid

@@ -38,7 +38,7 @@ def velocities(rate, fluid, fluids, place, before, predicted, sums):
 @routine
 def at_walls(base, at, world, sums):
     """Update the velocities (u, v, w) of a slice at (x, y, z) for impacts on colliders, without the rebound from walls."""
-    capacity, in_order, fluids = world.sizes.room, world.in_order, world.fluids
+    capacity, in_order, fluids = world.sizes.capacity, world.in_order, world.fluids
     x, y, z, u, v, w = sums
     before, predicted_velocity = in_order.before, in_order.velocity
     for lane in range(min(LANES, world.sizes.particles - base)):
@@ -58,7 +58,7 @@ def update(part, shared, at, world):
     """Derive velocities from positions and colliders, and write them into `predicted_velocity`, which no other
     phase reads."""
     parameters, (place, _), in_order = world.parameters, positions(at.iterations, world), world.in_order
-    capacity, slices = world.sizes.room, (world.sizes.particles + LANES - 1) // LANES
+    capacity, slices = world.sizes.capacity, (world.sizes.particles + LANES - 1) // LANES
     before, predicted_velocity, fluid = in_order.before, in_order.velocity, in_order.fluid
     sums, blocks = sums_of(part, world.scratch.sums), SINGLE_BLOCKS if FEATURE.single else DOUBLE_BLOCKS
     x, y, z, u, v, w = sums
@@ -103,7 +103,7 @@ def shape_at(place, part, shared, world):
 def finish(part, shared, at, world):
     """Write the new state: velocities after neighbours, drag and the speed limit."""
     parameters, fluids, (place, _) = world.parameters, world.fluids, positions(at.iterations, world)
-    count, capacity, in_order = world.sizes.particles, world.sizes.room, world.in_order
+    count, capacity, in_order = world.sizes.particles, world.sizes.capacity, world.in_order
     position, velocity, number, fluid = world.state
     sides, predicted_velocity, error = sides_of(parameters), in_order.velocity, world.work.error
     for i in range(count * part // shared, count * (part + 1) // shared):
