@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from softlab.app.plan.passes import BackendPlan, cpu_plan, merged_passes, stages_of
+from collections.abc import Iterable
+
+from softlab.app.plan.passes import BackendPlan, cpu_plan, merged_passes
 from softlab.model.base.words import notes_of
-from softlab.model.core.plan import Plan
+from softlab.model.core.plan import Plan, Stage
 from softlab.model.fluid.flow import rates
 from softlab.model.fluid.parameters import MAX_NEIGHBOURS, smoothing, speed_limit
-from softlab.model.fluid.plan import neighbours_at_rest
+from softlab.model.fluid.passes import runs_of
+from softlab.model.fluid.plan import neighbours_at_rest, substep_of
 from softlab.model.scene.checks.flow import fluid_of
 from softlab.model.scene.scene import Scene
 
@@ -15,9 +18,18 @@ from softlab.model.scene.scene import Scene
 def fluid_on_cpu(scene: Scene, precision: str, plan: Plan) -> BackendPlan:
     """Return the plan on a CPU: neighbour lists, sixteen particles per vector, one parallel region for all substeps of
     a call."""
+    from softlab.cpu_backend.fluid.passes import fused_passes
+
     why = "sorted by cells in every substep, neighbour lists in slices; all substeps of a call in one kernel"
-    groups = [[stage] for stage in stages_of(plan)]
+    groups = fluid_groups(scene, plan, fused_passes(plan.parts))
     return cpu_plan("fused", why, merged_passes(groups, plan, precision, "one phase of the thread team"))
+
+
+def fluid_groups(scene: Scene, plan: Plan, fused: Iterable[tuple[str, ...]]) -> list[list[Stage]]:
+    """Return the stages of each kernel of a substep, in order, where kernels do the runs of passes `fused` at once."""
+    stages = {stage.name: stage for stage in plan.root.stages()}
+    runs = runs_of(substep_of(plan.parts), scene.method.iterations, fused)
+    return [[stages[name] for name in passes] for passes in dict.fromkeys(run.passes for run in runs)]
 
 
 def fluid_lines(scene: Scene) -> list[str]:

@@ -23,16 +23,16 @@ from softlab.bench.measure.costs_timing import Measures
 from softlab.bench.measure.tables import columns, print_table
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import measures
-from softlab.model.fluid.plan import fluid_plan, neighbours_at_rest
+from softlab.model.fluid import passes
+from softlab.model.fluid.plan import fluid_plan, neighbours_at_rest, substep_of
 from softlab.model.scene.checks.fluids import particle_count
 from softlab.model.scene.scene import Scene, load_scene
 
 SCHEMES = ("macklin", "divergence-free")
-PHASES = ("predict", "sort into cells", "find neighbours", "density", "correct", "update velocity", "limit velocities")
-FREE_PHASES = (
-    "gather", "sort into cells", "find neighbours", "density and divergence", "relax", "push apart", "take up", "accelerate",
-    "foresee density", "move",
-)  # fmt: skip  # of divergence-free
+PHASES, FREE_PHASES = (  # of macklin and divergence-free
+    tuple(dict.fromkeys(run.passes[0] for run in passes.runs_of(substep_of(frozenset(parts)), 1)))
+    for parts in ((), ("divergence-free",))
+)
 POOLS = {
     1000: (10, 10, 10),
     8000: (20, 20, 20),
@@ -77,21 +77,21 @@ def moved_bytes(phase: str, neighbours: float) -> float:
     There is one cell for every six particles.
     """
     return {
-        "predict": 4 * QUAD + INDEX,
-        "sort into cells": 8 * QUAD + (2 + 3 + 1 + 4) * INDEX + 24 / 6,
-        "find neighbours": QUAD + 2 * INDEX + 3 * SCALAR + 2 * SCALAR + neighbours * INDEX,
-        "density": QUAD + INDEX + 3 * SCALAR + 4 * SCALAR + neighbours * INDEX,
-        "correct": 3 * QUAD + INDEX + 3 * SCALAR + neighbours * INDEX,
-        "update velocity": 5 * QUAD,
-        "limit velocities": 3 * QUAD,
-        "gather": QUAD,
-        "density and divergence": 2 * QUAD + INDEX + 3 * SCALAR + 2 * SCALAR + neighbours * INDEX,
-        "relax": 2 * QUAD + INDEX + 3 * SCALAR + 7 * SCALAR + neighbours * INDEX,
-        "push apart": 4 * QUAD + INDEX + 3 * SCALAR + neighbours * INDEX,
-        "take up": 4 * QUAD,
-        "accelerate": 3 * QUAD + INDEX,
-        "foresee density": 2 * QUAD + INDEX + 3 * SCALAR + 2 * SCALAR + neighbours * INDEX,
-        "move": 5 * QUAD + 3 * SCALAR,
+        passes.PREDICT: 4 * QUAD + INDEX,
+        passes.SORT: 8 * QUAD + (2 + 3 + 1 + 4) * INDEX + 24 / 6,
+        passes.FIND: QUAD + 2 * INDEX + 3 * SCALAR + 2 * SCALAR + neighbours * INDEX,
+        passes.DENSITY: QUAD + INDEX + 3 * SCALAR + 4 * SCALAR + neighbours * INDEX,
+        passes.CORRECT: 3 * QUAD + INDEX + 3 * SCALAR + neighbours * INDEX,
+        passes.UPDATE: 5 * QUAD,
+        passes.LIMIT: 3 * QUAD,
+        passes.GATHER: QUAD,
+        passes.SURVEY: 2 * QUAD + INDEX + 3 * SCALAR + 2 * SCALAR + neighbours * INDEX,
+        passes.RELAX: 2 * QUAD + INDEX + 3 * SCALAR + 7 * SCALAR + neighbours * INDEX,
+        passes.PUSH_APART: 4 * QUAD + INDEX + 3 * SCALAR + neighbours * INDEX,
+        passes.TAKE_UP: 4 * QUAD,
+        passes.ACCELERATE: 3 * QUAD + INDEX,
+        passes.FORESEE: 2 * QUAD + INDEX + 3 * SCALAR + 2 * SCALAR + neighbours * INDEX,
+        passes.MOVE: 5 * QUAD + 3 * SCALAR,
     }[phase]
 
 

@@ -105,6 +105,10 @@ class Compiler:
         """Compile a loop along rows. Its array arguments must not overlap, except for those that it only reads."""
         return self._compiled_once(function, pipeline_class=_RowPipeline)
 
+    def body(self, function: Callable) -> Callable:
+        """Compile a part of a parallel kernel's body, which is optimised with the kernel and not on its own."""
+        return self._compiled_once(function, BodyPipeline)
+
     def kernel(self, function: Callable, parallel: bool = True) -> Callable:
         """Compile a parallel kernel, cached on disk; without a writable folder it is compiled each time."""
         label = f"{function.__name__} {self.variant}"
@@ -163,7 +167,7 @@ class Compiler:
         """Return the components of a parallel kernel: name, function of a member or band, parallel region."""
         known = getattr(function, "softlab_content", None)
         name = function.__name__.removesuffix(f"_{known}")
-        return name, function if known else self._compiled_once(function, BodyPipeline), _region()
+        return name, function if known else self.body(function), _region()
 
     def _compiled_once(
         self, function: Callable, pipeline_class: type[LinkedPipeline] = LinkedPipeline, inline: bool = False

@@ -5,42 +5,21 @@ The solids belong to another simulation, which reads and writes their particles 
 
 from __future__ import annotations
 
-from functools import cache
-from types import SimpleNamespace
 from typing import Protocol
 
 import numpy as np
 
 from softlab.cpu_backend.core.layout import aligned_zeros
 from softlab.cpu_backend.fluid.arrays import Carriers, SamplePoints, SolidPoints, Solids
-from softlab.cpu_backend.fluid.kernels import fluid_compiler, fluid_variant
 from softlab.cpu_backend.fluid.quads import LANES
-from softlab.cpu_backend.fluid.solid_phases import (
-    SUMS,
-    constrain,
-    correct,
-    factors,
-    follow,
-    gather,
-    push,
-    sample,
-)
+from softlab.cpu_backend.fluid.solid_phases import SUMS
 from softlab.cpu_backend.fluid.solver import Fluid
-from softlab.model.base.types import Real
 from softlab.model.core.plan import Moment, StageRun
 from softlab.model.core.simulation import Options
 from softlab.model.fluid.among_solids import KINDS, kinds_of
+from softlab.model.fluid.passes import FOLLOW, PUSH, SAMPLE
 from softlab.model.fluid.samples import Samples
 from softlab.model.scene.scene import Scene
-
-
-@cache
-def make_solid_stages(real: Real, math: str, parts: frozenset[str]) -> SimpleNamespace:
-    """Compile the phases that involve solids, each as a parallel loop (bands, ...)."""
-    compiler = fluid_compiler("fluid_solids", real, math, parts)
-    variant = fluid_variant(compiler, real, parts - {"averaged"})
-    phases = sample, gather, follow, push, factors, constrain, correct
-    return SimpleNamespace(**{phase.__name__: compiler.banded(variant(phase)) for phase in phases})
 
 
 class SolidPlaces(Protocol):
@@ -66,78 +45,47 @@ class FluidAmongSolids(Fluid):
         self.samples, self._places_of_solids = samples, places
         super().__init__(scene, options, threads)
 
-    def _allocate(self) -> None:
-        super()._allocate()
-        real, samples, fluids = self.real, self.samples, len(self.body.position)
+    def _make_solids(self) -> Solids:
+        real, samples, places = self.real, self.samples, self._places_of_solids
         assert samples is not None
         offsets, carried, weights = samples.carriers
-        places = self._places_of_solids
-        self._number_of_fluids = fluids
         carriers = Carriers(samples.lightness.astype(real), offsets, carried, weights.astype(real))
         points = SamplePoints(samples.corners.reshape(-1), samples.weights.reshape(-1).astype(real))
-        self._coupling = Solids(
-            fluids, kinds_of(self.scene, samples).astype(real).reshape(-1), aligned_zeros(KINDS * self._capacity, real),
-            np.zeros(samples.count, np.int32), points, SolidPoints(places.before.reshape(-1), places.position.reshape(-1)),
-            carriers, np.zeros(3 * samples.count, real),
+        return Solids(
+            len(self.body.position), kinds_of(self.scene, samples).astype(real).reshape(-1),
+            aligned_zeros(KINDS * self._capacity, real), np.zeros(samples.count, np.int32), points,
+            SolidPoints(places.before.reshape(-1), places.position.reshape(-1)), carriers,
+            np.zeros(3 * samples.count, real), aligned_zeros(SUMS * LANES * self._bands, real),
         )  # fmt: skip
-        self._sums = aligned_zeros(SUMS * LANES * self._bands, real)
 
     def _stages(self) -> dict[str, StageRun]:
-        stages = super()._stages()
-        stage = make_solid_stages(self.real, self.options.math, self.plan.parts)
-        bands, world, coupling, sums = self._bands, self._world, self._coupling, self._sums
-        rest, fluids = (self.parameters, self.bodies, self.kinds), self._fluids
-        places, buffers, search = (
-            self._places_of_solids,
-            (world.in_order.position, world.work.next),
-            stages["find neighbours"],
-        )
-
-        def find(moment: Moment) -> None:
-            search(moment)
-            stage.gather(bands, world, coupling)
-            stage.factors(bands, moment.number, world, coupling, sums, rest[0], fluids, *rest[1:])
+        stages, places = super()._stages(), self._places_of_solids
 
         def sample(moment: Moment) -> None:
             places.take(fresh=True)
-            stage.sample(bands, world, coupling)
+            stages[SAMPLE](moment)
 
         def follow(moment: Moment) -> None:
             places.take(fresh=False)
-            stage.follow(bands, buffers[moment.iteration % 2], world, coupling)
-
-        def density(moment: Moment) -> None:
-            stage.constrain(bands, moment.number, buffers[moment.iteration % 2], world, coupling, sums, *rest)
-
-        def correct(moment: Moment) -> None:
-            here = moment.iteration % 2
-            arguments = buffers[here], buffers[1 - here], world, coupling, sums, rest[0], fluids, *rest[1:]
-            stage.correct(bands, moment.number, *arguments)
+            stages[FOLLOW](moment)
 
         def push(moment: Moment) -> None:
-            stage.push(bands, coupling)
+            stages[PUSH](moment)
             places.give()
 
-        return stages | {
-            "sample solids": sample,
-            "find neighbours": find,
-            "follow solids": follow,
-            "density": density,
-            "correct": correct,
-            "push solids": push,
-        }
+        return stages | {SAMPLE: sample, FOLLOW: follow, PUSH: push}
 
     # ------------------------------------------------------------------ the contract, of the fluid's own particles
 
     def _by_number(self, array: np.ndarray) -> np.ndarray:
-        return super()._by_number(array)[: self._number_of_fluids]
+        return super()._by_number(array)[: len(self.body.position)]
 
     def _download(self) -> tuple[np.ndarray, np.ndarray]:
         position, velocity = super()._download()
-        return position[: self._number_of_fluids].copy(), velocity[: self._number_of_fluids].copy()
+        return position[: len(self.body.position)].copy(), velocity[: len(self.body.position)].copy()
 
     def _upload(self, position: np.ndarray, velocity: np.ndarray) -> None:
-        capacity, count, fluids = self._capacity, self._particles, self._number_of_fluids
+        capacity, count, fluids = self._capacity, self._particles, len(self.body.position)
         for array, values in zip(self._state[:2], (position, velocity), strict=True):
             planes = array[: 3 * capacity].reshape(3, capacity)
             planes[:, :fluids], planes[:, fluids:count] = values.T, 0

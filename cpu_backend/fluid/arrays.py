@@ -1,9 +1,9 @@
-"""Arrays of a fluid for the CPU kernels, by name. A plane has `room` numbers (fluid/solver.py); an array of several
+"""Arrays of a fluid for the CPU kernels, by name. A plane has `capacity` numbers (fluid/solver.py); an array of several
 values consists of one plane after the other."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -12,7 +12,7 @@ class Sizes(NamedTuple):
     """Number of active particles, numbers of a plane, slot of a particle that is far away."""
 
     particles: int
-    room: int
+    capacity: int
     nobody: int
 
 
@@ -98,8 +98,20 @@ class Around(NamedTuple):
     runs: np.ndarray
 
 
+class At(NamedTuple):
+    """Time of a pass: number of the step, of the substep since time 0, and of the iteration; number of iterations; True in
+    the second solve of `divergence-free`."""
+
+    step: int
+    number: int
+    iteration: int
+    iterations: int
+    second: bool
+
+
 class Fluid(NamedTuple):
-    """All arrays of a fluid."""
+    """All that the passes of a fluid's substep read and write: the fluid's arrays, its constants, rows of
+    model/fluid/parameters.py, integers of model/core/own_forces.py, rows and kinds of colliders; Flow and Solids, or ()."""
 
     sizes: Sizes
     state: State
@@ -109,6 +121,13 @@ class Fluid(NamedTuple):
     table: Table
     lists: Lists
     scratch: Scratch
+    parameters: Any
+    fluids: np.ndarray
+    integers: np.ndarray
+    bodies: np.ndarray
+    kinds: np.ndarray
+    flow: Flow | tuple[()]
+    solids: Solids | tuple[()]
 
 
 class Sides(NamedTuple):
@@ -120,6 +139,18 @@ class Sides(NamedTuple):
     half_x: float
     half_y: float
     half_z: float
+
+
+class Pairs(NamedTuple):
+    """Constants of sums over pairs of particles: sides of the periodic box; support radius [m], its inverse, scale of
+    gradients, the tensile correction and its inverse kernel."""
+
+    sides: Sides
+    support: float
+    inverse: float
+    scale: float
+    tensile: float
+    inverse_tensile: float
 
 
 class Flow(NamedTuple):
@@ -161,7 +192,8 @@ class Carriers(NamedTuple):
 
 class Solids(NamedTuple):
     """Solids that a fluid touches, by samples behind the fluid's particles: number of the fluid's particles; rows of
-    `kinds_of` by number, and in the order of cells; slot of each sample; displacements of samples, three planes."""
+    `kinds_of` by number, and in the order of cells; slot of each sample; displacements of samples, three planes;
+    scratch of bands."""
 
     fluids: int
     kinds_by_number: np.ndarray
@@ -171,3 +203,4 @@ class Solids(NamedTuple):
     places: SolidPoints
     carriers: Carriers
     shift: np.ndarray
+    sums: np.ndarray

@@ -25,13 +25,12 @@ def row_of(fluid, k):
 
 
 @routine
-def predict_particles(
-    band, first, last, step, substep, capacity, state, unsorted, boxes, parameters, fluids, integers, bodies, kinds
-):  # fmt: skip
+def predict_particles(band, first, last, at, world):
     """Predict the positions of the particles `first` to before `last`, move them out of the colliders of that substep, and
     write the bounding box of the band. Return how many particles the speed limit slowed."""
-    position, velocity, number, fluid = state
-    before, place, predicted_velocity = unsorted[0], unsorted[1], unsorted[2]
+    parameters, fluids, capacity, boxes = world.parameters, world.fluids, world.sizes.capacity, world.table.boxes
+    position, velocity, number, fluid = world.state
+    before, place, predicted_velocity = world.unsorted
     lx, ly, lz, hx, hy, hz = LARGEST, LARGEST, LARGEST, -LARGEST, -LARGEST, -LARGEST
     h, limited = parameters.dt, 0
     for k in range(first, last):
@@ -40,9 +39,9 @@ def predict_particles(
         if FEATURE.gravity:
             ay = buoyant(parameters.gravity, fluids[row + F_BUOYANCY])
         if FEATURE.axes == AXES:
-            ax, ay, az = particle_force((ax, ay, az), np.int64(number[k]), 1.0, parameters, integers, step)
+            ax, ay, az = particle_force((ax, ay, az), np.int64(number[k]), 1.0, parameters, world.integers, at.step)
         else:
-            ax, ay = particle_force((ax, ay), np.int64(number[k]), 1.0, parameters, integers, step)
+            ax, ay = particle_force((ax, ay), np.int64(number[k]), 1.0, parameters, world.integers, at.step)
         u = accelerated(velocity[k], h, ax)
         v = accelerated(velocity[capacity + k], h, ay)
         w = accelerated(velocity[2 * capacity + k], h, az)
@@ -60,7 +59,9 @@ def predict_particles(
             s = wrapped_offset(z, parameters.low_z, parameters.high_z, parameters.side_z)
             z, az = z + s, az + s
         if FEATURE.colliders:
-            (x, y, z), _ = collide_mass(bodies, kinds, substep, parameters, (ax, ay, az), (x, y, z), (u, v, w))
+            (x, y, z), _ = collide_mass(
+                world.bodies, world.kinds, at.number, parameters, (ax, ay, az), (x, y, z), (u, v, w)
+            )
         predicted_velocity[k], predicted_velocity[capacity + k], predicted_velocity[2 * capacity + k] = u, v, w
         before[k], before[capacity + k], before[2 * capacity + k] = ax, ay, az
         place[k], place[capacity + k], place[2 * capacity + k] = x, y, z
@@ -143,14 +144,16 @@ def tally_cells(low, high, count, cell, starts):
 
 
 @routine
-def put_in_order(low, high, first, count, capacity, state, unsorted, in_order, cell, starts, order):
+def put_in_order(low, high, first, world):
     """Write the particles in the order of cells; `first` is the number of particles in the cells before `low`.
 
     Afterwards starts[c] is the first particle of cell c. Returns the end of the last cell.
     """
-    number = state.number
-    before, place, predicted_velocity = unsorted
-    new_before, new_place, new_predicted_velocity, new_number, new_fluid = in_order
+    state, number, table = world.state, world.state.number, world.table
+    cell, starts, order = table.cell, table.starts, table.order
+    count, capacity = world.sizes.particles, world.sizes.capacity
+    before, place, predicted_velocity = world.unsorted
+    new_before, new_place, new_predicted_velocity, new_number, new_fluid = world.in_order
     end = np.int64(first)
     for c in range(low, high):
         inside = starts[c]

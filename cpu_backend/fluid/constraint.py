@@ -11,10 +11,10 @@ import numpy as np
 
 from softlab.cpu_backend.contact.colliders import collide_row, instants
 from softlab.cpu_backend.core.layout import row_at
-from softlab.cpu_backend.fluid.arrays import Around, Sides
+from softlab.cpu_backend.fluid.arrays import Around, Pairs, Sides
 from softlab.cpu_backend.fluid.lists import AROUND, RUNS, find_neighbours
 from softlab.cpu_backend.fluid.pairs import corrections, densities, gradients
-from softlab.cpu_backend.fluid.phases import cells_in
+from softlab.cpu_backend.fluid.phases import cells_in, positions
 from softlab.cpu_backend.fluid.quads import LANES, QUAD, QUADS
 from softlab.cpu_backend.fluid.rows import (
     DOUBLE_BLOCKS,
@@ -41,15 +41,21 @@ def sides_of(p):
 
 
 @routine
-def search(part, shared, world, parameters):
+def pairs_of(p):
+    """Return the Pairs of arrays.py."""
+    return Pairs(sides_of(p), p.support, p.inverse_support, p.gradient_scale, p.tensile, p.inverse_tensile)
+
+
+@routine
+def search(part, shared, at, world):
     """Build the neighbour lists of a band's slices."""
-    near, here = world.scratch.near, np.int64(part) * (4 * AROUND)
+    parameters, near, here = world.parameters, world.scratch.near, np.int64(part) * (4 * AROUND)
     slices = (world.sizes.particles + LANES - 1) // LANES
     around = Around(
         row_at(near, here), row_at(near, here + AROUND), row_at(near, here + 2 * AROUND), row_at(near, here + 3 * AROUND),
         row_at(world.scratch.who, np.int64(part) * AROUND), row_at(world.scratch.runs, np.int64(part) * RUNS),
     )  # fmt: skip
-    _, _, cells = cells_in(shared, world, parameters)
+    _, _, cells = cells_in(shared, world)
     first, last = slices * part // shared, slices * (part + 1) // shared
     world.lists.counts[part] += find_neighbours(first, last, world, cells, sides_of(parameters), parameters, around)
 
@@ -62,13 +68,14 @@ def put_changes(quads, delta):
 
 
 @routine
-def factors(part, shared, number, world, parameters, fluids, bodies, kinds):
+def factors(part, shared, at, world):
     """Build the neighbour lists, and evaluate the factors."""
-    search(part, shared, world, parameters)
-    count, capacity, in_order = world.sizes.particles, world.sizes.room, world.in_order
+    search(part, shared, at, world)
+    parameters, fluids = world.parameters, world.fluids
+    count, capacity, in_order = world.sizes.particles, world.sizes.capacity, world.in_order
     longest, entries, work = world.lists.longest, world.lists.entries, world.work
     place, fluid, delta, wall = in_order.position, in_order.fluid, work.delta, work.wall
-    slices, sides, (_, end, _) = (count + LANES - 1) // LANES, sides_of(parameters), instants(number, parameters)
+    slices, (_, end, _) = (count + LANES - 1) // LANES, instants(at.number, parameters)
     gx, gy, gz, squares, total, wall_part = sums_of(part, world.scratch.sums)
     for s in range(slices * part // shared, slices * (part + 1) // shared):
         base = np.int64(s) * LANES
@@ -76,17 +83,14 @@ def factors(part, shared, number, world, parameters, fluids, bodies, kinds):
             gx[lane], gy[lane], gz[lane], squares[lane], total[lane] = 0.0, 0.0, 0.0, 0.0, 0.0
         gradients(
             longest[s], base, row_at(entries, base * FEATURE.neighbours), row_at(place, QUADS * capacity),
-            *numbers_of(part, world.scratch.sums), *vector_at(place, capacity, base), sides, parameters.support,
-            parameters.inverse_support, parameters.gradient_scale, fluid, fluids, gx, gy, gz, squares, total,
+            numbers_of(part, world.scratch.sums), vector_at(place, capacity, base), pairs_of(parameters), fluid, fluids,
+            (gx, gy, gz, squares, total),
         )  # fmt: skip
         if FEATURE.walls:
-            wall_rows(
-                bodies, kinds, end, parameters, *vector_at(place, capacity, base), wall_part,
-                *vector_at(wall, capacity, base)
-            )  # fmt: skip
+            wall_rows(end, world, vector_at(place, capacity, base), wall_part, vector_at(wall, capacity, base))
         factor_rows(
-            parameters.relaxation, parameters.softness, row_at(fluid, base), fluids, gx, gy, gz, squares,
-            *vector_at(wall, capacity, base), row_at(work.factor, base), row_at(work.multiplier, base),
+            parameters.relaxation, parameters.softness, row_at(fluid, base), fluids, (gx, gy, gz, squares),
+            vector_at(wall, capacity, base), row_at(work.factor, base), row_at(work.multiplier, base),
         )  # fmt: skip
         if constrains:
             relax_rows(
@@ -100,11 +104,12 @@ find, prepare = (filled(factors, {"constrains": also}) for also in (False, True)
 
 
 @routine
-def constrain(part, shared, number, place, world, parameters, bodies, kinds):
-    """Evaluate the constraints at the positions `place`, and the changes of their multipliers."""
-    count, capacity, lists, work = world.sizes.particles, world.sizes.room, world.lists, world.work
+def constrain(part, shared, at, world):
+    """Evaluate the constraints, and the changes of their multipliers."""
+    parameters, (place, _) = world.parameters, positions(at.iteration, world)
+    count, capacity, lists, work = world.sizes.particles, world.sizes.capacity, world.lists, world.work
     scratch = world.scratch.sums
-    slices, sides, (_, end, _) = (count + LANES - 1) // LANES, sides_of(parameters), instants(number, parameters)
+    slices, (_, end, _) = (count + LANES - 1) // LANES, instants(at.number, parameters)
     total, _, _, _, _, wall_part = sums_of(part, scratch)
     for s in range(slices * part // shared, slices * (part + 1) // shared):
         base = np.int64(s) * LANES
@@ -112,13 +117,10 @@ def constrain(part, shared, number, place, world, parameters, bodies, kinds):
             total[lane] = 0.0
         densities(
             lists.longest[s], row_at(lists.entries, base * FEATURE.neighbours), row_at(place, QUADS * capacity),
-            *numbers_of(part, scratch), *vector_at(place, capacity, base), sides, parameters.inverse_support, total,
+            numbers_of(part, scratch), vector_at(place, capacity, base), pairs_of(parameters), total,
         )  # fmt: skip
         if FEATURE.walls:
-            wall_rows(
-                bodies, kinds, end, parameters, *vector_at(place, capacity, base), wall_part,
-                *vector_at(work.wall, capacity, base)
-            )  # fmt: skip
+            wall_rows(end, world, vector_at(place, capacity, base), wall_part, vector_at(work.wall, capacity, base))
         relax_rows(
             parameters.lattice_sum, parameters.density_scale, total, wall_part, row_at(work.factor, base),
             row_at(work.multiplier, base), row_at(work.delta, base), row_at(work.error, base),
@@ -127,12 +129,13 @@ def constrain(part, shared, number, place, world, parameters, bodies, kinds):
 
 
 @routine
-def correct(part, shared, number, place, there, world, parameters, fluids, bodies, kinds):
-    """Correct the positions `place` and store them in `there`."""
-    capacity, in_order, delta, lists = world.sizes.room, world.in_order, world.work.delta, world.lists
+def correct(part, shared, at, world):
+    """Correct the positions of an iteration."""
+    parameters, (place, there) = world.parameters, positions(at.iteration, world)
+    capacity, in_order, delta, lists = world.sizes.capacity, world.in_order, world.work.delta, world.lists
     scratch = world.scratch.sums
     longest, entries, before, fluid = lists.longest, lists.entries, in_order.before, in_order.fluid
-    slices, sides = (world.sizes.particles + LANES - 1) // LANES, sides_of(parameters)
+    slices = (world.sizes.particles + LANES - 1) // LANES
     sums, blocks = sums_of(part, scratch), SINGLE_BLOCKS if FEATURE.single else DOUBLE_BLOCKS
     ax, ay, az = sums[:3]
     for s in range(slices * part // shared, slices * (part + 1) // shared):
@@ -141,15 +144,17 @@ def correct(part, shared, number, place, there, world, parameters, fluids, bodie
             ax[lane], ay[lane], az[lane] = 0.0, 0.0, 0.0
         corrections(
             longest[s], base, row_at(entries, base * FEATURE.neighbours), row_at(place, QUADS * capacity),
-            *numbers_of(part, scratch), *vector_at(place, capacity, base), row_at(delta, base), sides, parameters.support,
-            parameters.inverse_support, parameters.gradient_scale, parameters.tensile, parameters.inverse_tensile, ax, ay, az,
+            numbers_of(part, scratch), vector_at(place, capacity, base), row_at(delta, base), pairs_of(parameters),
+            (ax, ay, az),
         )  # fmt: skip
         move_rows(
-            row_at(fluid, base), fluids, row_at(delta, base), *vector_at(world.work.wall, capacity, base),
-            *vector_at(place, capacity, base), *sums,
+            row_at(fluid, base), world.fluids, row_at(delta, base), vector_at(world.work.wall, capacity, base),
+            vector_at(place, capacity, base), sums,
         )  # fmt: skip
         if FEATURE.colliders:
-            collide_row(bodies, kinds, number, parameters, blocks, before, base, capacity, ax, np.int64(0), LANES)
+            collide_row(
+                world.bodies, world.kinds, at.number, parameters, blocks, before, base, capacity, ax, np.int64(0), LANES
+            )
         quads = row_at(there, QUADS * capacity + QUAD * base)
         for lane in range(LANES):
             there[base + lane], there[capacity + base + lane] = ax[lane], ay[lane]

@@ -1,7 +1,7 @@
 """The phases of a substep of the scheme `divergence-free` on CPU threads, one band at a time
 (model/fluid/divergence_plan.py).
 
-`world` is that of cpu_backend/fluid/solver.py. This scheme uses some of its arrays differently: `meant` are the
+`at` and `world` are At and Fluid of arrays.py. This scheme uses some of its arrays differently: `meant` are the
 velocities that are read of neighbours; `before`, after the sort, are the shifts; the third group of the unsorted planes
 are the last iterate, the multipliers of the second solve, and the target of the solves. From `accelerate` on, the
 velocities are in the state, where they also end.
@@ -14,12 +14,13 @@ import numpy as np
 from softlab.cpu_backend.contact.colliders import collide_mass, instants
 from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.fluid.cells import row_of
-from softlab.cpu_backend.fluid.constraint import sides_of
+from softlab.cpu_backend.fluid.constraint import find, pairs_of
 from softlab.cpu_backend.fluid.divergence_pairs import approaches
 from softlab.cpu_backend.fluid.impact import settled
 from softlab.cpu_backend.fluid.pairs import corrections, densities
 from softlab.cpu_backend.fluid.quads import LANES, QUAD, QUADS
 from softlab.cpu_backend.fluid.rows import numbers_of, sums_of, vector_at
+from softlab.cpu_backend.fluid.velocities import shape_at
 from softlab.cpu_backend.fluid.walls import wall_rows
 from softlab.model.base.variant import FEATURE, routine
 from softlab.model.fluid.parameters import F_CHANGE, F_SPEED, F_WEIGHT
@@ -37,18 +38,16 @@ from softlab.model.formulas.fluid.motion import drifted, limited_change, slowed,
 
 
 @routine
-def approach(s, many, world, parameters, vector, total):
+def approach(s, many, world, vector, total):
     """Add the contribution of a vector field to the rate of C, summed over the neighbours of slice s, to `total`."""
-    capacity, lists = world.sizes.room, world.lists
+    capacity, lists = world.sizes.capacity, world.lists
     base, place = np.int64(s) * LANES, world.in_order.position
     for lane in range(LANES):
         total[lane] = 0.0
     approaches(
-        many, base, row_at(lists.entries, base * FEATURE.neighbours), place, row_at(place, capacity),
-        row_at(place, 2 * capacity), vector, row_at(vector, capacity), row_at(vector, 2 * capacity), row_at(place, base),
-        row_at(place, capacity + base), row_at(place, 2 * capacity + base), row_at(vector, base),
-        row_at(vector, capacity + base), row_at(vector, 2 * capacity + base), sides_of(parameters),
-        parameters.support, parameters.inverse_support, parameters.gradient_scale, total,
+        many, base, row_at(lists.entries, base * FEATURE.neighbours), vector_at(place, capacity, 0),
+        vector_at(vector, capacity, 0), vector_at(place, capacity, base), vector_at(vector, capacity, base),
+        pairs_of(world.parameters), total,
     )  # fmt: skip
 
 
@@ -69,9 +68,16 @@ def rest_of(i, capacity, wall, vector, total):
 
 
 @routine
-def survey(part, shared, number, world, parameters, bodies, kinds):
+def shape(part, shared, at, world):
+    """Compute normals and vorticity at the positions at the substep's start."""
+    shape_at(world.in_order.position, part, shared, world)
+
+
+@routine
+def survey(part, shared, at, world):
     """Evaluate the constraints and the target of the first solve."""
-    count, capacity, unsorted = world.sizes.particles, world.sizes.room, world.unsorted
+    parameters = world.parameters
+    count, capacity, unsorted = world.sizes.particles, world.sizes.capacity, world.unsorted
     in_order, error, wall, lists = world.in_order, world.work.error, world.work.wall, world.lists
     scratch = world.scratch.sums
     place, velocity, target = (
@@ -80,7 +86,7 @@ def survey(part, shared, number, world, parameters, bodies, kinds):
         row_at(unsorted.velocity, 2 * np.int64(capacity)),
     )
     longest, slices = lists.longest, (count + LANES - 1) // LANES
-    begin, end, _ = instants(number, parameters)
+    begin, end, _ = instants(at.number, parameters)
     total, coming, wall_part, earlier, wx, wy = sums_of(part, scratch)
     for s in range(slices * part // shared, slices * (part + 1) // shared):
         base = np.int64(s) * LANES
@@ -88,17 +94,16 @@ def survey(part, shared, number, world, parameters, bodies, kinds):
             total[lane] = 0.0
         densities(
             longest[s], row_at(lists.entries, base * FEATURE.neighbours), row_at(place, QUADS * capacity),
-            *numbers_of(part, scratch), *vector_at(place, capacity, base), sides_of(parameters),
-            parameters.inverse_support, total,
+            numbers_of(part, scratch), vector_at(place, capacity, base), pairs_of(parameters), total,
         )  # fmt: skip
-        approach(s, longest[s], world, parameters, velocity, coming)
+        approach(s, longest[s], world, velocity, coming)
         for lane in range(LANES):
             wall_part[lane], earlier[lane] = 0.0, 0.0
         if FEATURE.walls:
             position_rows, (_, _, wz, _) = vector_at(place, capacity, base), numbers_of(part, scratch)
-            wall_rows(bodies, kinds, end, parameters, *position_rows, wall_part, *vector_at(wall, capacity, base))
+            wall_rows(end, world, position_rows, wall_part, vector_at(wall, capacity, base))
             if FEATURE.moving:
-                wall_rows(bodies, kinds, begin, parameters, *position_rows, earlier, wx, wy, wz)
+                wall_rows(begin, world, position_rows, earlier, (wx, wy, wz))
         for lane in range(min(LANES, count - base)):
             i, came = base + lane, 0.0
             if FEATURE.moving:
@@ -109,37 +114,45 @@ def survey(part, shared, number, world, parameters, bodies, kinds):
 
 
 @routine
-def foresee(part, shared, world, parameters):
-    """Evaluate the target of the second solve."""
-    count, capacity, unsorted, wall = world.sizes.particles, world.sizes.room, world.unsorted, world.work.wall
-    velocity, target = world.state.velocity, row_at(unsorted.velocity, 2 * np.int64(capacity))
-    (coming, _, _, _, _, _), slices = sums_of(part, world.scratch.sums), (count + LANES - 1) // LANES
-    for s in range(slices * part // shared, slices * (part + 1) // shared):
-        approach(s, world.lists.longest[s], world, parameters, velocity, coming)
-        for lane in range(min(LANES, count - np.int64(s) * LANES)):
-            i = np.int64(s) * LANES + lane
-            target[i] = foreseen(world.work.error[i], rest_of(i, capacity, wall, velocity, coming[lane]), parameters.dt)
+def find_and_survey(part, shared, at, world):
+    find(part, shared, at, world)
+    survey(part, shared, at, world)
 
 
 @routine
-def relax(part, shared, turn, iterations, second, world, parameters):
+def foresee(part, shared, at, world):
+    """Evaluate the target of the second solve."""
+    count, capacity, unsorted, wall = world.sizes.particles, world.sizes.capacity, world.unsorted, world.work.wall
+    velocity, target = world.state.velocity, row_at(unsorted.velocity, 2 * np.int64(capacity))
+    (coming, _, _, _, _, _), slices = sums_of(part, world.scratch.sums), (count + LANES - 1) // LANES
+    for s in range(slices * part // shared, slices * (part + 1) // shared):
+        approach(s, world.lists.longest[s], world, velocity, coming)
+        for lane in range(min(LANES, count - np.int64(s) * LANES)):
+            i = np.int64(s) * LANES + lane
+            target[i] = foreseen(
+                world.work.error[i], rest_of(i, capacity, wall, velocity, coming[lane]), world.parameters.dt
+            )
+
+
+@routine
+def relax(part, shared, at, world):
     """Evaluate the changes of the multipliers, and the new multipliers."""
-    count, capacity, unsorted = world.sizes.particles, world.sizes.room, world.unsorted
+    count, capacity, unsorted = world.sizes.particles, world.sizes.capacity, world.unsorted
     in_order, delta = world.in_order, world.work.delta
     shift, iterate = in_order.before, row_at(unsorted.velocity, np.int64(0))
     ahead, target = row_at(unsorted.velocity, np.int64(capacity)), row_at(unsorted.velocity, 2 * np.int64(capacity))
-    if not second:
+    if not at.second:
         ahead = row_at(world.work.multiplier, np.int64(0))
     (coming, _, _, _, _, _), slices = sums_of(part, world.scratch.sums), (count + LANES - 1) // LANES
     quads = row_at(in_order.position, QUADS * np.int64(capacity))
-    onward = lead(turn, iterations)
+    onward = lead(at.iteration, at.iterations)
     for s in range(slices * part // shared, slices * (part + 1) // shared):
-        if turn > 0:
-            approach(s, world.lists.longest[s], world, parameters, shift, coming)
+        if at.iteration > 0:
+            approach(s, world.lists.longest[s], world, shift, coming)
         for lane in range(min(LANES, count - np.int64(s) * LANES)):
             i = np.int64(s) * LANES + lane
             c, before, last = target[i], 0.0, 0.0
-            if turn > 0:
+            if at.iteration > 0:
                 before, last = ahead[i], iterate[i]
                 c = c + rest_of(i, capacity, world.work.wall, shift, coming[lane])
             relaxed = pressed(before, world.work.factor[i], c)
@@ -149,9 +162,10 @@ def relax(part, shared, turn, iterations, second, world, parameters):
 
 
 @routine
-def push(part, shared, turn, world, parameters, fluids):
+def push(part, shared, at, world):
     """Add the effect of the changed multipliers to the shifts."""
-    count, capacity, in_order, delta = world.sizes.particles, world.sizes.room, world.in_order, world.work.delta
+    parameters, fluids = world.parameters, world.fluids
+    count, capacity, in_order, delta = world.sizes.particles, world.sizes.capacity, world.in_order, world.work.delta
     wall, lists, scratch = world.work.wall, world.lists, world.scratch.sums
     shift, place, fluid = in_order.before, in_order.position, in_order.fluid
     (ax, ay, az, _, _, _), slices = sums_of(part, scratch), (count + LANES - 1) // LANES
@@ -161,9 +175,8 @@ def push(part, shared, turn, world, parameters, fluids):
             ax[lane], ay[lane], az[lane] = 0.0, 0.0, 0.0
         corrections(
             lists.longest[s], base, row_at(lists.entries, base * FEATURE.neighbours), row_at(place, QUADS * capacity),
-            *numbers_of(part, scratch), *vector_at(place, capacity, base), row_at(delta, base), sides_of(parameters),
-            parameters.support, parameters.inverse_support, parameters.gradient_scale, parameters.tensile,
-            parameters.inverse_tensile, ax, ay, az,
+            numbers_of(part, scratch), vector_at(place, capacity, base), row_at(delta, base), pairs_of(parameters),
+            (ax, ay, az),
         )  # fmt: skip
         for lane in range(min(LANES, count - base)):
             i = base + lane
@@ -172,7 +185,7 @@ def push(part, shared, turn, world, parameters, fluids):
                 x, y = wall_added(x, delta[i], wall[i]), wall_added(y, delta[i], wall[capacity + i])
                 z = wall_added(z, delta[i], wall[2 * capacity + i])
             ex, ey, ez = 0.0, 0.0, 0.0
-            if turn > 0:
+            if at.iteration > 0:
                 ex, ey, ez = shift[i], shift[capacity + i], shift[2 * capacity + i]
             shift[i], shift[capacity + i] = moved(ex, weight, x), moved(ey, weight, y)
             shift[2 * capacity + i] = moved(ez, weight, z)
@@ -194,9 +207,10 @@ def corrected_velocity(i, capacity, velocity, shift, parameters, most):
 
 
 @routine
-def take_up(part, shared, world, parameters, fluids):
+def take_up(part, shared, at, world):
     """Update the velocities after the first solve."""
-    count, capacity, in_order = world.sizes.particles, world.sizes.room, world.in_order
+    parameters, fluids = world.parameters, world.fluids
+    count, capacity, in_order = world.sizes.particles, world.sizes.capacity, world.in_order
     shift, velocity, fluid = in_order.before, in_order.velocity, in_order.fluid
     for i in range(count * part // shared, count * (part + 1) // shared):
         u, v, w = corrected_velocity(i, capacity, velocity, shift, parameters, fluids[row_of(fluid, i) + F_CHANGE])
@@ -204,9 +218,10 @@ def take_up(part, shared, world, parameters, fluids):
 
 
 @routine
-def move(part, shared, number, world, parameters, fluids, bodies, kinds):
+def move(part, shared, at, world):
     """Write the new state and the sum of the multipliers of both solves."""
-    count, capacity, in_order = world.sizes.particles, world.sizes.room, world.in_order
+    parameters, fluids, bodies, kinds = world.parameters, world.fluids, world.bodies, world.kinds
+    count, capacity, in_order = world.sizes.particles, world.sizes.capacity, world.in_order
     position, velocity, numbers, fluid = world.state
     shift, place, multiplier = in_order.before, in_order.position, world.work.multiplier
     second = row_at(world.unsorted.velocity, np.int64(capacity))
@@ -219,10 +234,11 @@ def move(part, shared, number, world, parameters, fluids, bodies, kinds):
         bx, by, bz = place[i], place[capacity + i], place[2 * capacity + i]
         x, y, z = drifted(bx, u, h), drifted(by, v, h), drifted(bz, w, h)
         if FEATURE.colliders:
-            u, v, w = settled(
-                bodies, kinds, number, parameters, bx, by, bz, u, v, w, mx, my, mz, second[i], fluids[row + F_WEIGHT]
-            )  # fmt: skip
-            (x, y, z), (u, v, w) = collide_mass(bodies, kinds, number, parameters, (bx, by, bz), (x, y, z), (u, v, w))
+            before, corrected = (bx, by, bz), (mx, my, mz)
+            u, v, w = settled(at, world, before, (u, v, w), corrected, second[i], fluids[row + F_WEIGHT])
+            (x, y, z), (u, v, w) = collide_mass(
+                bodies, kinds, at.number, parameters, (bx, by, bz), (x, y, z), (u, v, w)
+            )
             speed = speed_of(u, v, w)
             u, v, w = slowed(u, speed, fastest), slowed(v, speed, fastest), slowed(w, speed, fastest)
         position[i], position[capacity + i], position[2 * capacity + i] = x, y, z

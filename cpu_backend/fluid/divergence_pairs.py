@@ -20,12 +20,11 @@ from softlab.model.formulas.fluid.motion import accelerated, braked, buoyant, sl
 
 
 @row_routine
-def approaches(
-    many, first, entries, x, y, z, u, v, w, centre_x, centre_y, centre_z, centre_u, centre_v, centre_w, sides,
-    support, inverse, scale, total,
-):  # fmt: skip
-    """Add the contribution of a vector (u, v, w) of each particle to the constraints to `total`. The arguments are
-    those of cpu_backend/fluid/pairs.py."""
+def approaches(many, first, entries, place, vector, centre, centre_vector, pairs, total):
+    """Add the contribution of a vector of each particle to the constraints to `total`. The arguments are those of
+    cpu_backend/fluid/pairs.py."""
+    (x, y, z), (u, v, w), (sides, support, inverse, scale, _, _) = place, vector, pairs
+    (centre_x, centre_y, centre_z), (centre_u, centre_v, centre_w) = centre, centre_vector
     for k in range(many):
         for lane in range(LANES):
             j = entries[k * LANES + lane]
@@ -38,9 +37,10 @@ def approaches(
 
 
 @routine
-def gather(part, shared, world, parameters):
+def gather(part, shared, at, world):
     """Copy the state, wrapped into the periodic box, and write the bounding box of the band."""
-    count, capacity, position = world.sizes.particles, world.sizes.room, world.state.position
+    parameters = world.parameters
+    count, capacity, position = world.sizes.particles, world.sizes.capacity, world.state.position
     place, predicted_velocity = world.unsorted.position, world.unsorted.velocity
     lx, ly, lz, hx, hy, hz = LARGEST, LARGEST, LARGEST, -LARGEST, -LARGEST, -LARGEST
     for k in range(count * part // shared, count * (part + 1) // shared):
@@ -72,10 +72,10 @@ def forced(number, row, step, parameters, fluids, integers):
 
 
 @routine
-def accelerate(part, shared, step, world, parameters, fluids, integers):
+def accelerate(part, shared, at, world):
     """Apply neighbours, drag and forces to the velocities, and write them into the state."""
-    count, capacity, unsorted = world.sizes.particles, world.sizes.room, world.unsorted
-    in_order, work, neighbours = world.in_order, world.work, world.lists.neighbours
+    parameters, fluids = world.parameters, world.fluids
+    count, capacity, in_order, work = world.sizes.particles, world.sizes.capacity, world.in_order, world.work
     place, predicted_velocity, velocity, error = (
         in_order.position,
         in_order.velocity,
@@ -87,17 +87,14 @@ def accelerate(part, shared, step, world, parameters, fluids, integers):
         row = row_of(in_order.fluid, i)
         if FEATURE.smoothing:
             entry_row = row_at(world.lists.entries, np.int64(i // LANES) * (LANES * FEATURE.neighbours) + i % LANES)
-            u, v, w = smooth(
-                i, neighbours[i], entry_row, capacity, place, predicted_velocity, unsorted.before,
-                unsorted.position, sides, parameters, in_order.fluid, fluids,
-            )  # fmt: skip
+            u, v, w = smooth(i, entry_row, place, world, sides)
         else:
             u, v, w = predicted_velocity[i], predicted_velocity[capacity + i], predicted_velocity[2 * capacity + i]
         if FEATURE.drag:
             drag, surface = fluids[row + F_DRAG], fluids[row + F_SURFACE_DRAG]
             u, v = braked(u, h, drag, surface, error[i]), braked(v, h, drag, surface, error[i])
             w = braked(w, h, drag, surface, error[i])
-        ax, ay, az = forced(in_order.number[i], row, step, parameters, fluids, integers)
+        ax, ay, az = forced(in_order.number[i], row, at.step, parameters, fluids, world.integers)
         u, v, w = accelerated(u, h, ax), accelerated(v, h, ay), accelerated(w, h, az)
         speed, fastest = speed_of(u, v, w), fluids[row + F_SPEED]
         if speed > fastest:

@@ -8,10 +8,8 @@ from __future__ import annotations
 import numpy as np
 
 from softlab.cpu_backend.core.layout import row_at
-from softlab.cpu_backend.core.progress import assigned
-from softlab.cpu_backend.fluid.arrays import Fluid, Sizes
-from softlab.cpu_backend.fluid.phases import cells_in, enter, put, tally
-from softlab.model.base.variant import FEATURE, routine
+from softlab.cpu_backend.fluid.phases import cells_in
+from softlab.model.base.variant import routine
 from softlab.model.fluid.flow import (
     E_BEFORE,
     E_COUNT,
@@ -68,12 +66,12 @@ def put_particle(slot, n, fluid_number, capacity, state, row, points, q, layers,
 
 
 @routine
-def emit_particles(number, world, parameters, flow):
-    """Emit the particles of substep `number`, by one thread."""
-    capacity, state = world.sizes.room, world.state
+def emit_particles(at, world):
+    """Emit the particles of a substep, by one thread."""
+    capacity, state, flow, parameters = world.sizes.capacity, world.state, world.flow, world.parameters
     alive, starts, there, emitters = flow.particles, flow.starts, flow.active, flow.emitters
     clock = parameters.dt, parameters.first_step, parameters.first_time
-    begin, end = instant(number, *clock), instant(number + 1, *clock)
+    begin, end = instant(at.number, *clock), instant(at.number + 1, *clock)
     for e in range(emitters.size // EMITTER_FIELDS):
         row = row_at(emitters, np.int64(e * EMITTER_FIELDS))
         since, stop, before, rate = row[E_SINCE], row[E_STOP], row[E_BEFORE], row[E_RATE]
@@ -107,10 +105,16 @@ def is_in_sink(sink, x, y, z):
 
 
 @routine
-def drain(part, shared, world, flow):
+def drain(part, shared, at, world):
     """Assign the cell GONE to the particles of a band that a sink removes."""
-    count, capacity, unsorted, table = world.sizes.particles, world.sizes.room, world.unsorted, world.table
-    place, number, cell, there, sinks = unsorted.position, world.state.number, table.cell, flow.active, flow.sinks
+    count, capacity, unsorted, table = world.sizes.particles, world.sizes.capacity, world.unsorted, world.table
+    place, number, cell, there, sinks = (
+        unsorted.position,
+        world.state.number,
+        table.cell,
+        world.flow.active,
+        world.flow.sinks,
+    )
     for k in range(count * part // shared, count * (part + 1) // shared):
         for s in range(sinks.size // SINK_FIELDS):
             sink = row_at(sinks, np.int64(s * SINK_FIELDS))
@@ -119,40 +123,14 @@ def drain(part, shared, world, flow):
 
 
 @routine
-def rest(world, counts, flow):
+def rest(part, shared, at, world):
     """Update the number of active particles, by one thread."""
-    nx, ny, nz = counts
-    flow.particles[0] = world.table.starts[nx * ny * nz]
+    if part == 0:
+        _, _, (nx, ny, nz) = cells_in(shared, world)
+        world.flow.particles[0] = world.table.starts[nx * ny * nz]
 
 
 @routine
-def there_of(world, flow):
-    """Return the world with the active particles as its count."""
-    w, sizes = world, Sizes(flow.particles[0], world.sizes.room, world.sizes.nobody)
-    return Fluid(sizes, w.state, w.unsorted, w.in_order, w.work, w.table, w.lists, w.scratch)
-
-
-@routine
-def emit(team, member, bands, number, world, parameters, flow):
-    """Emit the particles of a substep, in a team."""
-    for part in assigned(team, member, bands):
-        if part == 0:
-            emit_particles(number, world, parameters, flow)
-
-
-@routine
-def sort(team, member, bands, world, parameters, flow):
-    """Sort the active particles, without those in sinks, by a team."""
-    for part in assigned(team, member, bands):
-        enter(part, bands, world, parameters)
-    if FEATURE.sink:
-        for part in assigned(team, member, bands):
-            drain(part, bands, world, flow)
-    for part in assigned(team, member, bands):
-        tally(part, bands, world, parameters)
-    for part in assigned(team, member, bands):
-        put(part, bands, world, parameters)
-    if FEATURE.sink:
-        for part in assigned(team, member, bands):
-            if part == 0:
-                rest(world, cells_in(bands, world, parameters)[2], flow)
+def emit(part, shared, at, world):
+    if part == 0:
+        emit_particles(at, world)

@@ -45,12 +45,13 @@ turns = open_constant("True if colliders of the kind may turn")
 
 
 @routine
-def impact_of(bodies, kinds, number, parameters, bx, by, bz, ux, uy, uz, px, py, pz, vx, vy, vz, most):
+def impact_of(at, world, b, u, p, v, most):
     """Return the position and velocity of a particle after the colliders, if it moves from b at the predicted velocity u,
     and its velocity at p, which is v if no collider was in its way (model/formulas/fluid/impact.py)."""
+    parameters, (bx, by, bz), (ux, uy, uz), (px, py, pz), (vx, vy, vz) = world.parameters, b, u, p, v
     h, rate = parameters.dt, parameters.inverse_dt
     x, y, z = drifted(bx, ux, h), drifted(by, uy, h), drifted(bz, uz, h)
-    (qx, qy, qz), (ux, uy, uz) = collide_mass(bodies, kinds, number, parameters, (bx, by, bz), (x, y, z), (ux, uy, uz))
+    (qx, qy, qz), (ux, uy, uz) = collide_mass(world.bodies, world.kinds, at.number, parameters, b, (x, y, z), u)
     if qx != x or qy != y or qz != z:
         vx, vy = after_impact(ux, px, qx, rate), after_impact(uy, py, qy, rate)
         vz = after_impact(uz, pz, qz, rate)
@@ -61,7 +62,7 @@ def impact_of(bodies, kinds, number, parameters, bx, by, bz, ux, uy, uz, px, py,
                 limited_change(vy, uy, far, most),
                 limited_change(vz, uz, far, most),
             )
-    return qx, qy, qz, ux, uy, uz, vx, vy, vz
+    return (qx, qy, qz), (ux, uy, uz), (vx, vy, vz)
 
 
 @routine
@@ -89,11 +90,13 @@ at_plane, at_sphere, at_capsule, at_box, at_mesh, at_field = (
 
 
 @routine
-def settled(bodies, kinds, number, parameters, qx, qy, qz, vx, vy, vz, ux, uy, uz, multiplier, weight):
+def settled(at, world, q, v, u, multiplier, weight):
     """Return the velocity v of a particle at q without the rebound from walls; u: that before corrections."""
     if not multiplier < 0.0:
-        return vx, vy, vz
-    total, (_, end, _) = 0.0, instants(number, parameters)
+        return v
+    parameters, bodies, kinds = world.parameters, world.bodies, world.kinds
+    (qx, qy, qz), (vx, vy, vz), (ux, uy, uz) = q, v, u
+    total, (_, end, _) = 0.0, instants(at.number, parameters)
     arguments = parameters, end, qx, qy, qz, ux, uy, uz, multiplier, weight
     for b in range(kinds.size):
         body = row_at(bodies, np.int64(b * COLLIDER_FIELDS))

@@ -42,14 +42,15 @@ def distances(x, y, z, sides, xs, ys, zs, squares):
 
 
 @routine
-def picked(
-    i, self_index, lane, neighbour_count, x, y, z, many, near_x, near_y, near_z, squares, who, sides, limit,
-    entries, fluid, sampled
-):  # fmt: skip
+def picked(i, self_index, lane, neighbour_count, many, around, limit, sides, entries, world):
     """Append to the list of i those of the `many` gathered particles that are near; i is number `self_index` among them.
 
-    Returns the number of neighbours so far.
+    `limit`: square of the support radius. Returns the number of neighbours so far.
     """
+    near_x, near_y, near_z, squares, who, _ = around
+    fluid, sampled = world.in_order.fluid, np.int32(world.parameters.sampled)
+    place, capacity = world.in_order.position, world.sizes.capacity
+    x, y, z = place[i], place[capacity + i], place[2 * capacity + i]
     for first in range(0, many, WORD):
         at = np.int64(first)
         distances(x, y, z, sides, row_at(near_x, at), row_at(near_y, at), row_at(near_z, at), squares)
@@ -145,12 +146,11 @@ def find_neighbours(first, last, world, cells, sides, parameters, around):
 
     `cells`: counts along x, y, z. `around`: Around of arrays.py.
     """
-    count, capacity, table = world.sizes.particles, world.sizes.room, world.table
+    count, capacity, table = world.sizes.particles, world.sizes.capacity, world.table
     place, neighbours, longest = world.in_order.position, world.lists.neighbours, world.lists.longest
-    near_x, near_y, near_z, squares, who, runs = around
+    near_x, near_y, near_z, _, who, runs = around
     limit, missed = squared(parameters.support, 0.0, 0.0), 0
     nx, ny, nz = cells
-    sampled = np.int32(parameters.sampled)
     known, ends, many, self_offset, holds = np.int64(-1), 0, np.int64(0), np.int64(0), True
     for s in range(first, last):
         entry_row = row_at(world.lists.entries, np.int64(s) * (LANES * FEATURE.neighbours))
@@ -172,12 +172,10 @@ def find_neighbours(first, last, world, cells, sides, parameters, around):
                             self_offset = many - np.int64(runs[n])
                         many = gathered(many, runs[n], runs[n + 1], capacity, place, near_x, near_y, near_z, who)
                     pad_gathered(many, near_x)
-            x, y, z = place[i], place[capacity + i], place[2 * capacity + i]
             if holds:
                 neighbour_count = picked(
-                    i, i + self_offset, lane, neighbour_count, x, y, z, many, near_x, near_y, near_z, squares, who,
-                    sides, limit, entry_row, world.in_order.fluid, sampled,
-                )  # fmt: skip
+                    i, i + self_offset, lane, neighbour_count, many, around, limit, sides, entry_row, world
+                )
             else:  # in batches of AROUND particles
                 for n in range(0, ends, 2):
                     for begin in range(runs[n], runs[n + 1], AROUND):
@@ -185,9 +183,8 @@ def find_neighbours(first, last, world, cells, sides, parameters, around):
                         many = gathered(np.int64(0), begin, end, capacity, place, near_x, near_y, near_z, who)
                         pad_gathered(many, near_x)
                         neighbour_count = picked(
-                            i, i - np.int64(begin), lane, neighbour_count, x, y, z, many, near_x, near_y, near_z,
-                            squares, who, sides, limit, entry_row, world.in_order.fluid, sampled,
-                        )  # fmt: skip
+                            i, i - np.int64(begin), lane, neighbour_count, many, around, limit, sides, entry_row, world
+                        )
             missed += max(neighbour_count - FEATURE.neighbours, 0)
             neighbours[i] = np.int32(min(neighbour_count, FEATURE.neighbours))
             longest[s] = max(longest[s], neighbours[i])

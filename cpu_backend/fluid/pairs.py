@@ -1,5 +1,6 @@
 """Neighbour sums of a fluid's density constraint, LANES particles at a time, for CPU threads (model/fluid/plan.py, 4
-and 5). Arguments: `many` entries of the slice's list, the quads of all particles, and the planes of the slice's own."""
+and 5). Arguments: `many` entries of the slice's list, the quads of all particles, scratch for those of neighbours
+(`numbers`), the planes of the slice's own (`centre`), Pairs of arrays.py, and the sums."""
 
 from __future__ import annotations
 
@@ -25,7 +26,8 @@ from softlab.model.formulas.fluid.density import (
 
 
 @row_routine
-def densities(many, entries, quads, x, y, z, w, centre_x, centre_y, centre_z, sides, inverse, total):
+def densities(many, entries, quads, numbers, centre, pairs, total):
+    (x, y, z, w), (centre_x, centre_y, centre_z), sides, inverse = numbers, centre, pairs.sides, pairs.inverse
     for k in range(many):
         read_quads(quads, entries, np.int64(k * LANES), x, y, z, w)
         for lane in range(LANES):
@@ -34,10 +36,10 @@ def densities(many, entries, quads, x, y, z, w, centre_x, centre_y, centre_z, si
 
 
 @row_routine
-def gradients(
-    many, first, entries, quads, x, y, z, w, centre_x, centre_y, centre_z, sides, support, inverse, scale, fluid,
-    fluids, gx, gy, gz, squares, total,
-):  # fmt: skip
+def gradients(many, first, entries, quads, numbers, centre, pairs, fluid, fluids, sums):
+    (x, y, z, w), (centre_x, centre_y, centre_z) = numbers, centre
+    sides, support, inverse, scale, _, _ = pairs
+    gx, gy, gz, squares, total = sums
     for k in range(many):
         read_quads(quads, entries, np.int64(k * LANES), x, y, z, w)
         for lane in range(LANES):
@@ -56,10 +58,10 @@ def gradients(
 
 
 @row_routine
-def corrections(
-    many, first, entries, quads, x, y, z, w, centre_x, centre_y, centre_z, centre_delta, sides, support, inverse,
-    scale, tensile, inverse_tensile, ax, ay, az,
-):  # fmt: skip
+def corrections(many, first, entries, quads, numbers, centre, centre_delta, pairs, sums):
+    (x, y, z, w), (centre_x, centre_y, centre_z) = numbers, centre
+    sides, support, inverse, scale, tensile, inverse_tensile = pairs
+    ax, ay, az = sums
     for k in range(many):
         read_quads(quads, entries, np.int64(k * LANES), x, y, z, w)
         for lane in range(LANES):

@@ -45,7 +45,8 @@ def vector_at(plane, capacity, base):
 
 
 @row_routine
-def factor_rows(relaxation, softness, fluid, fluids, gx, gy, gz, squares, wx, wy, wz, factor, multiplier):
+def factor_rows(relaxation, softness, fluid, fluids, sums, wall, factor, multiplier):
+    (gx, gy, gz, squares), (wx, wy, wz) = sums, wall
     for lane in range(LANES):
         weight = fluids[row_of(fluid, lane) + F_WEIGHT]
         x, y, z = 0.0, 0.0, 0.0
@@ -66,8 +67,9 @@ def relax_rows(lattice_sum, scale, total, wall_part, factor, multiplier, delta, 
 
 
 @row_routine
-def move_rows(fluid, fluids, delta, wx, wy, wz, px, py, pz, ax, ay, az, vx, vy, vz):
-    """Compute positions from the corrections a, and set v to 0."""
+def move_rows(fluid, fluids, delta, wall, place, sums):
+    """Compute positions from the corrections a, and set v to 0; `sums`: a and v."""
+    (wx, wy, wz), (px, py, pz), (ax, ay, az, vx, vy, vz) = wall, place, sums
     for lane in range(LANES):
         x, y, z, weight = ax[lane], ay[lane], az[lane], fluids[row_of(fluid, lane) + F_WEIGHT]
         if FEATURE.walls:

@@ -38,12 +38,19 @@ def difference(i, j, capacity, place, sides, support):
 
 
 @routine
-def shapes(i, many, entries, capacity, place, velocity, normal, curl, sides, parameters, fluid):
+def shapes(i, entries, place, world, sides):
     """Write the normal and the vorticity of particle i, whose neighbours begin at entries[0]."""
+    capacity, velocity, fluid, parameters = (
+        world.sizes.capacity,
+        world.in_order.velocity,
+        world.in_order.fluid,
+        world.parameters,
+    )
+    normal, curl, _ = world.unsorted
     support, inverse, scale = parameters.support, parameters.inverse_support, parameters.gradient_scale
     nx, ny, nz, wx, wy, wz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     vx, vy, vz = velocity[i], velocity[capacity + i], velocity[2 * capacity + i]
-    for k in range(many):
+    for k in range(world.lists.neighbours[i]):
         j = np.int64(entries[k * LANES])
         if FEATURE.solids and fluid[j] == parameters.sampled:
             continue
@@ -61,8 +68,15 @@ def shapes(i, many, entries, capacity, place, velocity, normal, curl, sides, par
 
 
 @routine
-def smooth(i, many, entries, capacity, place, velocity, normal, curl, sides, parameters, fluid, fluids):
+def smooth(i, entries, place, world, sides):
     """Return the velocity of particle i after viscosity, cohesion, surface tension and vorticity confinement."""
+    capacity, velocity, fluid, fluids = (
+        world.sizes.capacity,
+        world.in_order.velocity,
+        world.in_order.fluid,
+        world.fluids,
+    )
+    parameters, (normal, curl, _) = world.parameters, world.unsorted
     support, inverse, scale = parameters.support, parameters.inverse_support, parameters.gradient_scale
     vx, vy, vz = velocity[i], velocity[capacity + i], velocity[2 * capacity + i]
     mx, my, mz, fx, fy, fz, rx, ry, rz = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
@@ -70,7 +84,7 @@ def smooth(i, many, entries, capacity, place, velocity, normal, curl, sides, par
     weight, length = fluids[row + F_WEIGHT], 0.0
     if FEATURE.vorticity:
         length = speed_of(curl[i], curl[capacity + i], curl[2 * capacity + i])
-    for k in range(many):
+    for k in range(world.lists.neighbours[i]):
         j = np.int64(entries[k * LANES])
         dx, dy, dz, square = difference(i, j, capacity, place, sides, support)
         other = row_of(fluid, j)

@@ -4,9 +4,11 @@ particles, in the order of cells."""
 
 from __future__ import annotations
 
+from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.fluid.cells import row_of
 from softlab.cpu_backend.fluid.quads import LANES
 from softlab.model.base.variant import FEATURE, routine, row_routine
+from softlab.model.fluid.among_solids import K_GRIP, K_LIGHTNESS
 from softlab.model.fluid.parameters import F_VISCOSITY
 from softlab.model.formulas.fluid.density import (
     apart,
@@ -24,7 +26,8 @@ from softlab.model.formulas.fluid.solids import carried, counted, counted_slope,
 
 
 @row_routine
-def densities(many, entries, x, y, z, centre_x, centre_y, centre_z, inverse, volume, total):
+def densities(many, entries, place, centre, inverse, volume, total):
+    (x, y, z), (centre_x, centre_y, centre_z) = place, centre
     for k in range(many):
         for lane in range(LANES):
             j = entries[k * LANES + lane]
@@ -33,10 +36,10 @@ def densities(many, entries, x, y, z, centre_x, centre_y, centre_z, inverse, vol
 
 
 @row_routine
-def gradients(
-    many, first, entries, x, y, z, centre_x, centre_y, centre_z, support, inverse, scale, volume, lightness, gx, gy,
-    gz, squares
-):  # fmt: skip
+def gradients(many, first, entries, place, centre, pairs, volume, lightness, sums):
+    (x, y, z), (centre_x, centre_y, centre_z) = place, centre
+    _, support, inverse, scale, _, _ = pairs
+    gx, gy, gz, squares = sums
     for k in range(many):
         for lane in range(LANES):
             j = entries[k * LANES + lane]
@@ -52,10 +55,12 @@ def gradients(
 
 
 @row_routine
-def corrections(
-    many, first, entries, x, y, z, delta, volume, grip, centre_x, centre_y, centre_z, centre_delta, centre_volume,
-    centre_grip, support, inverse, scale, tensile, inverse_tensile, ax, ay, az,
-):  # fmt: skip
+def corrections(many, first, entries, place, values, centre, centre_values, pairs, sums):
+    """Add corrections; `values`: change of the multiplier, volume and grip of all particles."""
+    (x, y, z), (centre_x, centre_y, centre_z) = place, centre
+    (delta, volume, grip), (centre_delta, centre_volume, centre_grip) = values, centre_values
+    _, support, inverse, scale, tensile, inverse_tensile = pairs
+    ax, ay, az = sums
     for k in range(many):
         for lane in range(LANES):
             j = entries[k * LANES + lane]
@@ -73,17 +78,20 @@ def corrections(
 
 
 @routine
-def frictions(i, many, entries, capacity, place, before, inverse, grip, lightness, fluid, fluids, x, y, z):
-    """Return the sums x, y, z of particle i with the friction between it and the samples (or particles) near it."""
+def frictions(i, entries, place, world, sums):
+    """Return the sums of particle i with the friction between it and the samples (or particles) near it."""
     if not FEATURE.viscosity:
-        return x, y, z
+        return sums
+    (x, y, z), capacity, before, fluid = sums, world.sizes.capacity, world.in_order.before, world.in_order.fluid
+    fluids, inverse, kinds = world.fluids, world.parameters.inverse_support, world.solids.kinds
+    grip, lightness = row_at(kinds, K_GRIP * capacity), row_at(kinds, K_LIGHTNESS * capacity)
     viscosity_here = fluids[row_of(fluid, i) + F_VISCOSITY]
     wx, wy, wz = (
         place[i] - before[i],
         place[capacity + i] - before[capacity + i],
         place[2 * capacity + i] - before[2 * capacity + i],
     )
-    for k in range(many):
+    for k in range(world.lists.neighbours[i]):
         j = entries[k * LANES]
         if (grip[i] > 0.0) != (grip[j] > 0.0):
             dx, dy, dz = (

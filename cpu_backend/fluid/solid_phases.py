@@ -1,6 +1,6 @@
 """The phases of a fluid's substep that involve solids, on CPU threads (model/fluid/plan.py, Solids).
 
-`coupling`: Solids of fluid/arrays.py.
+`at`, `world`: At and Fluid of fluid/arrays.py, with `world.solids`.
 """
 
 from __future__ import annotations
@@ -10,6 +10,8 @@ import numpy as np
 from softlab.cpu_backend.contact.colliders import collide_mass, instants
 from softlab.cpu_backend.core.layout import row_at
 from softlab.cpu_backend.fluid.cells import AXES, BOX, LARGEST, row_of
+from softlab.cpu_backend.fluid.constraint import pairs_of
+from softlab.cpu_backend.fluid.phases import positions
 from softlab.cpu_backend.fluid.quads import LANES
 from softlab.cpu_backend.fluid.rows import factor_rows, relax_rows, vector_at
 from softlab.cpu_backend.fluid.solid_pairs import corrections, densities, frictions, gradients
@@ -37,9 +39,10 @@ def sample_position(s, corners, weights, rows):
 
 
 @routine
-def sample(part, shared, world, coupling):
+def sample(part, shared, at, world):
     """Write the predicted positions of samples among the unsorted particles, and the bounding box of the band."""
-    count, capacity, before = world.sizes.particles, world.sizes.room, world.unsorted.before
+    coupling = world.solids
+    count, capacity, before = world.sizes.particles, world.sizes.capacity, world.unsorted.before
     place, predicted_velocity, table = world.unsorted.position, world.unsorted.velocity, world.table
     corners, weights = coupling.points.corners, coupling.points.weights
     number, boxes = world.state.number, table.boxes
@@ -67,9 +70,10 @@ def sample(part, shared, world, coupling):
 
 
 @routine
-def gather(part, shared, world, coupling):
+def gather(part, shared, at, world):
     """Copy `kinds` into the order of cells, and store the slots of samples."""
-    count, capacity = world.sizes.particles, world.sizes.room
+    coupling = world.solids
+    count, capacity = world.sizes.particles, world.sizes.capacity
     fluids, kinds = coupling.fluids, coupling.kinds
     number = world.in_order.number
     for i in range(count * part // shared, count * (part + 1) // shared):
@@ -81,9 +85,10 @@ def gather(part, shared, world, coupling):
 
 
 @routine
-def follow(part, shared, place, world, coupling):
+def follow(part, shared, at, world):
     """Write the current positions of samples."""
-    capacity = world.sizes.room
+    coupling, (place, _) = world.solids, positions(at.iteration, world)
+    capacity = world.sizes.capacity
     slots, weights, position = coupling.slots, coupling.points.weights, coupling.places.position
     many = slots.size
     for s in range(many * part // shared, many * (part + 1) // shared):
@@ -94,8 +99,9 @@ def follow(part, shared, place, world, coupling):
 
 
 @routine
-def push(part, shared, coupling):
+def push(part, shared, at, world):
     """Move the solids' particles by the shifts of their samples, summed in the order of the samples."""
+    coupling = world.solids
     position, lightness, offsets = coupling.places.position, coupling.carriers.lightness, coupling.carriers.offsets
     weights, shift = coupling.carriers.weights, coupling.shift
     many, capacity = lightness.size, coupling.slots.size
@@ -105,18 +111,27 @@ def push(part, shared, coupling):
             s = np.int64(coupling.carriers.samples[e])
             x, y = carried_on(x, weights[e], shift[s]), carried_on(y, weights[e], shift[capacity + s])
             z = carried_on(z, weights[e], shift[2 * capacity + s])
-        at = AXES * np.int64(k)
-        position[at], position[at + 1] = (
-            moved(position[at], lightness[k], x),
-            moved(position[at + 1], lightness[k], y),
-        )
-        position[at + 2] = moved(position[at + 2], lightness[k], z)
+        row = AXES * np.int64(k)
+        position[row] = moved(position[row], lightness[k], x)
+        position[row + 1] = moved(position[row + 1], lightness[k], y)
+        position[row + 2] = moved(position[row + 2], lightness[k], z)
 
 
 @routine
-def factors(part, shared, number, world, coupling, scratch, parameters, fluids, bodies, kinds_of):
+def rows_of(part, scratch):
+    """Return the SUMS rows of a band."""
+    at = np.int64(part) * (SUMS * LANES)
+    return (
+        row_at(scratch, at), row_at(scratch, at + LANES), row_at(scratch, at + 2 * LANES),
+        row_at(scratch, at + 3 * LANES), row_at(scratch, at + 4 * LANES),
+    )  # fmt: skip
+
+
+@routine
+def factors(part, shared, at, world):
     """Evaluate the neighbour factors of the constraint; 0 for samples."""
-    count, capacity, in_order = world.sizes.particles, world.sizes.room, world.in_order
+    coupling, scratch, parameters, fluids = world.solids, world.solids.sums, world.parameters, world.fluids
+    count, capacity, in_order = world.sizes.particles, world.sizes.capacity, world.in_order
     factor, wall, longest = world.work.factor, world.work.wall, world.lists.longest
     entries = world.lists.entries
     first, kinds, place, numbers, fluid = (
@@ -126,28 +141,23 @@ def factors(part, shared, number, world, coupling, scratch, parameters, fluids, 
         in_order.number,
         in_order.fluid,
     )
-    _, end, _ = instants(number, parameters)
-    at, slices = np.int64(part) * (SUMS * LANES), (count + LANES - 1) // LANES
-    gx, gy, gz = row_at(scratch, at), row_at(scratch, at + LANES), row_at(scratch, at + 2 * LANES)
-    squares, wall_part = row_at(scratch, at + 3 * LANES), row_at(scratch, at + 4 * LANES)
+    _, end, _ = instants(at.number, parameters)
+    gx, gy, gz, squares, wall_part = rows_of(part, scratch)
+    slices = (count + LANES - 1) // LANES
     for s in range(slices * part // shared, slices * (part + 1) // shared):
         base = np.int64(s) * LANES
         for lane in range(LANES):
             gx[lane], gy[lane], gz[lane], squares[lane] = 0.0, 0.0, 0.0, 0.0
         gradients(
-            longest[s], base, row_at(entries, base * FEATURE.neighbours), place, row_at(place, capacity),
-            row_at(place, 2 * capacity), *vector_at(place, capacity, base), parameters.support,
-            parameters.inverse_support, parameters.gradient_scale, kinds, row_at(kinds, K_LIGHTNESS * capacity), gx,
-            gy, gz, squares,
+            longest[s], base, row_at(entries, base * FEATURE.neighbours), vector_at(place, capacity, 0),
+            vector_at(place, capacity, base), pairs_of(parameters), kinds, row_at(kinds, K_LIGHTNESS * capacity),
+            (gx, gy, gz, squares),
         )  # fmt: skip
         if FEATURE.walls:
-            wall_rows(
-                bodies, kinds_of, end, parameters, *vector_at(place, capacity, base), wall_part,
-                *vector_at(wall, capacity, base)
-            )  # fmt: skip
+            wall_rows(end, world, vector_at(place, capacity, base), wall_part, vector_at(wall, capacity, base))
         factor_rows(
-            parameters.relaxation, parameters.softness, row_at(fluid, base), fluids, gx, gy, gz, squares,
-            *vector_at(wall, capacity, base), row_at(factor, base), row_at(world.work.multiplier, base),
+            parameters.relaxation, parameters.softness, row_at(fluid, base), fluids, (gx, gy, gz, squares),
+            vector_at(wall, capacity, base), row_at(factor, base), row_at(world.work.multiplier, base),
         )  # fmt: skip
         for i in range(base, min(base + LANES, count)):
             if numbers[i] >= first:
@@ -155,28 +165,26 @@ def factors(part, shared, number, world, coupling, scratch, parameters, fluids, 
 
 
 @routine
-def constrain(part, shared, number, place, world, coupling, scratch, parameters, bodies, kinds_of):
-    """Evaluate the constraints at the positions `place`, and the changes of their multipliers; 0 for samples."""
-    count, capacity, multiplier = world.sizes.particles, world.sizes.room, world.work.multiplier
+def constrain(part, shared, at, world):
+    """Evaluate the constraints, and the changes of their multipliers; 0 for samples."""
+    coupling, scratch, parameters = world.solids, world.solids.sums, world.parameters
+    place, _ = positions(at.iteration, world)
+    count, capacity, multiplier = world.sizes.particles, world.sizes.capacity, world.work.multiplier
     delta, error, wall, lists = world.work.delta, world.work.error, world.work.wall, world.lists
     first, kinds, numbers = coupling.fluids, coupling.kinds, world.in_order.number
     longest, entries, slices = lists.longest, lists.entries, (count + LANES - 1) // LANES
-    _, end, _ = instants(number, parameters)
-    at = np.int64(part) * (SUMS * LANES)
-    total, wall_part = row_at(scratch, at), row_at(scratch, at + 4 * LANES)
+    _, end, _ = instants(at.number, parameters)
+    total, _, _, _, wall_part = rows_of(part, scratch)
     for s in range(slices * part // shared, slices * (part + 1) // shared):
         base = np.int64(s) * LANES
         for lane in range(LANES):
             total[lane] = 0.0
         densities(
-            longest[s], row_at(entries, base * FEATURE.neighbours), place, row_at(place, capacity),
-            row_at(place, 2 * capacity), *vector_at(place, capacity, base), parameters.inverse_support, kinds, total,
+            longest[s], row_at(entries, base * FEATURE.neighbours), vector_at(place, capacity, 0),
+            vector_at(place, capacity, base), parameters.inverse_support, kinds, total,
         )  # fmt: skip
         if FEATURE.walls:
-            wall_rows(
-                bodies, kinds_of, end, parameters, *vector_at(place, capacity, base), wall_part,
-                *vector_at(wall, capacity, base)
-            )  # fmt: skip
+            wall_rows(end, world, vector_at(place, capacity, base), wall_part, vector_at(wall, capacity, base))
         relax_rows(
             parameters.lattice_sum, parameters.density_scale, total, wall_part, row_at(world.work.factor, base),
             row_at(multiplier, base), row_at(delta, base), row_at(error, base),
@@ -187,37 +195,30 @@ def constrain(part, shared, number, place, world, coupling, scratch, parameters,
 
 
 @routine
-def correct(part, shared, number, place, there, world, coupling, scratch, parameters, fluids, bodies, kinds_of):
-    """Correct the positions `place` and store them in `there`; store the shifts of samples."""
-    count, capacity, in_order, delta = world.sizes.particles, world.sizes.room, world.in_order, world.work.delta
+def correct(part, shared, at, world):
+    """Correct the positions of an iteration; store the shifts of samples."""
+    coupling, scratch, parameters, fluids = world.solids, world.solids.sums, world.parameters, world.fluids
+    place, there = positions(at.iteration, world)
+    count, capacity, in_order, delta = world.sizes.particles, world.sizes.capacity, world.in_order, world.work.delta
     wall, lists = world.work.wall, world.lists
     first, kinds, slots, shift = coupling.fluids, coupling.kinds, coupling.slots, coupling.shift
     before, numbers, fluid = in_order.before, in_order.number, in_order.fluid
-    neighbours, longest, entries, slices = (
-        lists.neighbours,
-        lists.longest,
-        lists.entries,
-        (count + LANES - 1) // LANES,
-    )
-    at, many = np.int64(part) * (SUMS * LANES), slots.size
-    ax, ay, az = row_at(scratch, at), row_at(scratch, at + LANES), row_at(scratch, at + 2 * LANES)
-    grip, lightness = row_at(kinds, K_GRIP * capacity), row_at(kinds, K_LIGHTNESS * capacity)
+    longest, entries, slices = lists.longest, lists.entries, (count + LANES - 1) // LANES
+    (ax, ay, az, _, _), many = rows_of(part, scratch), slots.size
+    grip = row_at(kinds, K_GRIP * capacity)
     for s in range(slices * part // shared, slices * (part + 1) // shared):
         base = np.int64(s) * LANES
         for lane in range(LANES):
             ax[lane], ay[lane], az[lane] = 0.0, 0.0, 0.0
         corrections(
-            longest[s], base, row_at(entries, base * FEATURE.neighbours), place, row_at(place, capacity),
-            row_at(place, 2 * capacity), delta, kinds, grip, *vector_at(place, capacity, base), row_at(delta, base),
-            row_at(kinds, base), row_at(grip, base), parameters.support, parameters.inverse_support,
-            parameters.gradient_scale, parameters.tensile, parameters.inverse_tensile, ax, ay, az,
+            longest[s], base, row_at(entries, base * FEATURE.neighbours), vector_at(place, capacity, 0),
+            (delta, kinds, grip), vector_at(place, capacity, base),
+            (row_at(delta, base), row_at(kinds, base), row_at(grip, base)), pairs_of(parameters), (ax, ay, az),
         )  # fmt: skip
         for lane in range(min(LANES, count - base)):
             i = base + lane
-            cx, cy, cz = frictions(
-                i, neighbours[i], row_at(entries, base * FEATURE.neighbours + lane), capacity, place, before,
-                parameters.inverse_support, grip, lightness, fluid, fluids, ax[lane], ay[lane], az[lane],
-            )  # fmt: skip
+            entry_row = row_at(entries, base * FEATURE.neighbours + lane)
+            cx, cy, cz = frictions(i, entry_row, place, world, (ax[lane], ay[lane], az[lane]))
             px, py, pz = place[i], place[capacity + i], place[2 * capacity + i]
             sample = np.int64(numbers[i]) - first
             if sample >= 0:
@@ -231,6 +232,6 @@ def correct(part, shared, number, place, there, world, coupling, scratch, parame
                 if FEATURE.colliders:
                     a = before[i], before[capacity + i], before[2 * capacity + i]
                     (px, py, pz), _ = collide_mass(
-                        bodies, kinds_of, number, parameters, a, (px, py, pz), (0.0, 0.0, 0.0)
+                        world.bodies, world.kinds, at.number, parameters, a, (px, py, pz), (0.0, 0.0, 0.0)
                     )  # fmt: skip
             there[i], there[capacity + i], there[2 * capacity + i] = px, py, pz

@@ -16,20 +16,32 @@ import numpy as np
 from softlab.cpu_backend.core.layout import aligned_zeros
 from softlab.cpu_backend.core.simulation import ParticlesSimulation, chosen_kernel
 from softlab.cpu_backend.fluid import arrays
-from softlab.cpu_backend.fluid.arrays import Flow, Lists, Scratch, Sizes, Sorted, State, Table, Unsorted, Work
+from softlab.cpu_backend.fluid.arrays import (
+    At,
+    Flow,
+    Lists,
+    Scratch,
+    Sizes,
+    Solids,
+    Sorted,
+    State,
+    Table,
+    Unsorted,
+    Work,
+)
 from softlab.cpu_backend.fluid.cells import AXES, BOX
-from softlab.cpu_backend.fluid.divergence_kernels import free_stages, make_advance_freely
-from softlab.cpu_backend.fluid.kernels import make_advance, make_stages
 from softlab.cpu_backend.fluid.lists import AROUND, FAR, RUNS
+from softlab.cpu_backend.fluid.passes import make_advance, make_pass
 from softlab.cpu_backend.fluid.quads import LANES, QUAD, QUADS
 from softlab.cpu_backend.fluid.rows import SCRATCH
 from softlab.model.contact.cloth_parameters import collider_numbers
 from softlab.model.core.own_forces import POKED
 from softlab.model.core.plan import Executor, Moment, StageRun
 from softlab.model.core.simulation import Options
+from softlab.model.fluid.divergence_plan import SECOND
 from softlab.model.fluid.flow import emitter_rows, fluid_starts, sink_rows
 from softlab.model.fluid.parameters import MAX_NEIGHBOURS, fluid_rows, most_cells
-from softlab.model.fluid.plan import SHAPES, fluid_plan
+from softlab.model.fluid.plan import fluid_plan
 from softlab.model.fluid.samples import Samples
 from softlab.model.fluid.simulation import FluidSimulation
 from softlab.model.geometry.particle_row import PARKED
@@ -55,11 +67,8 @@ class Fluid(FluidSimulation, ParticlesSimulation):
         self._set_colliders(collider_numbers(scene, self.real))
         self._allocate()
         numba.set_num_threads(self._bands)  # starts the threads: stages may be called alone
-        self._is_free, stages = "divergence-free" in self.plan.parts, {}
         staged = self.kernel == "stages"
-        if staged:
-            stages = free_stages(self) if self._is_free else self._stages()
-        self._executor = Executor(self.plan, stages, None if staged else self._advance)
+        self._executor = Executor(self.plan, self._stages() if staged else {}, None if staged else self._advance)
         self.reset()
 
     def _allocate(self) -> None:
@@ -100,9 +109,16 @@ class Fluid(FluidSimulation, ParticlesSimulation):
         near, who = aligned_zeros(4 * AROUND * bands, real), np.zeros(AROUND * bands + LANES, np.int32)
         scratch = Scratch(aligned_zeros(SCRATCH * LANES * bands, real), near, who, np.zeros(RUNS * bands, np.int64))
         sizes = Sizes(count, capacity, nobody)
-        self._world = arrays.Fluid(sizes, self._state, unsorted, in_order, work, table, lists, scratch)
         self._flow = self._make_flow()
+        self._world = arrays.Fluid(
+            sizes, self._state, unsorted, in_order, work, table, lists, scratch, self.parameters, self._fluids,
+            self.integers, self.bodies, self.kinds, self._flow or (), self._make_solids(),
+        )  # fmt: skip
         self._snapshot = tuple(array.copy() for array in self._now)
+
+    def _make_solids(self) -> Solids | tuple[()]:
+        """Return the arrays of solids that the fluid touches; none here."""
+        return ()
 
     def _make_flow(self) -> Flow | None:
         """Return the arrays of emitters and sinks; None without them."""
@@ -128,49 +144,28 @@ class Fluid(FluidSimulation, ParticlesSimulation):
 
     def _advance(self, step: int, steps: int) -> None:
         method = self.scene.method
-        make, flow = (make_advance_freely, ()) if self._is_free else (make_advance, (self._flow or (),))
-        make(self.real, self.options.math, self.plan.parts)(
-            self._bands, steps, step, method.substeps, method.iterations, self._world, self.parameters, self._fluids,
-            self.integers, self.bodies, self.kinds, *flow,
-        )  # fmt: skip
+        kernel = make_advance(self.real, self.options.math, self.plan.parts)
+        kernel(self._bands, steps, step, method.substeps, method.iterations, self._inputs)
+
+    @property
+    def _inputs(self) -> arrays.Fluid:
+        """Arrays of the kernels, with the current number of active particles and the current constants."""
+        world = self._world
+        return world._replace(sizes=world.sizes._replace(particles=self.there), parameters=self.parameters)
 
     def _stages(self) -> dict[str, StageRun]:
         """Return the function that runs each stage of the plan."""
-        stage = make_stages(self.real, self.options.math, self.plan.parts)
-        world, bands, iterations = self._world, self._bands, self.scene.method.iterations
-        buffers = world.in_order.position, world.work.next
-        last = buffers[iterations % 2]
+        names = {stage.name for stage in self.plan.root.stages()}
+        return {name: self._stage(make_pass(self.real, self.options.math, self.plan.parts, name)) for name in names}
 
-        def run(kernel: Any, *names: str) -> StageRun:
-            """Make a stage that calls `kernel` with the attributes `names`."""
+    def _stage(self, kernel: Any) -> StageRun:
+        iterations = self.scene.method.iterations
 
-            def stage_run(moment: Moment) -> None:
-                here = moment.iteration % 2
-                known = {
-                    "step": moment.step, "number": moment.number, "here": buffers[here], "there": buffers[1 - here],
-                    "last": last, "world": world._replace(sizes=world.sizes._replace(particles=self.there)),
-                    "flow": self._flow, "parameters": self.parameters, "fluids": self._fluids, "integers": self.integers,
-                    "bodies": self.bodies, "kinds": self.kinds,
-                }  # fmt: skip
-                kernel(bands, *(known[name] for name in names))
+        def run(moment: Moment) -> None:
+            at = At(moment.step, moment.number, moment.iteration, iterations, moment.argument == SECOND)
+            kernel(self._bands, at, self._inputs)
 
-            return stage_run
-
-        touched = "bodies", "kinds"
-        stages = {
-            "predict": run(stage.predict, "step", "number", "world", "parameters", "fluids", "integers", *touched),
-            "sort into cells": run(stage.sort, "world", "parameters", *(("flow",) if self._flow else ())),
-            "find neighbours": run(stage.find, "number", "world", "parameters", "fluids", *touched),
-            "density": run(stage.constrain, "number", "here", "world", "parameters", *touched),
-            "correct": run(stage.correct, "number", "here", "there", "world", "parameters", "fluids", *touched),
-            "update velocity": run(stage.update, "number", "last", "world", "parameters", "fluids", *touched),
-            "limit velocities": run(stage.finish, "last", "world", "parameters", "fluids"),
-        }
-        if "emitter" in self.plan.parts:
-            stages["emit"] = run(stage.emit, "number", "world", "parameters", "flow")
-        if self.plan.parts & SHAPES:
-            stages["normals and vorticity"] = run(stage.shape, "last", "world", "parameters")
-        return stages
+        return run
 
     # ------------------------------------------------------------------ diagnostics
 

@@ -80,8 +80,9 @@ from_field = filled(from_surface, {"surface": distance_field})
 
 
 @row_routine
-def wall_row(body, time, support, inverse_range, scale, gradient, x, y, z, wall_part, gx, gy, gz):
+def wall_row(body, time, scales, position, wall_part, gradients):
     """Add one more collider, LANES particles at a time."""
+    (support, inverse_range, scale, gradient), (x, y, z), (gx, gy, gz) = scales, position, gradients
     thickness = body[B_THICKNESS]
     for lane in range(LANES):
         distance, nx, ny, nz = away(body, time, support + thickness, x[lane], y[lane], z[lane])
@@ -100,22 +101,23 @@ plane_row, sphere_row, capsule_row, box_row, mesh_row, field_row = (
 
 
 @routine
-def wall_rows(bodies, kinds, time, parameters, x, y, z, wall_part, gx, gy, gz):
+def wall_rows(time, world, position, wall_part, gradients):
     """Write the contribution of all colliders at `time` [s] to the density of LANES particles, and its gradient."""
+    parameters, bodies, kinds, (gx, gy, gz) = world.parameters, world.bodies, world.kinds, gradients
     for lane in range(LANES):
         wall_part[lane], gx[lane], gy[lane], gz[lane] = 0.0, 0.0, 0.0, 0.0
     scales = parameters.support, parameters.inverse_wall, parameters.wall_scale, parameters.wall_gradient
     for b in range(kinds.size):
         body = row_at(bodies, np.int64(b * COLLIDER_FIELDS))
         if FEATURE.plane and kinds[b] == PLANE:
-            plane_row(body, time, *scales, x, y, z, wall_part, gx, gy, gz)
+            plane_row(body, time, scales, position, wall_part, gradients)
         if FEATURE.sphere and kinds[b] == SPHERE:
-            sphere_row(body, time, *scales, x, y, z, wall_part, gx, gy, gz)
+            sphere_row(body, time, scales, position, wall_part, gradients)
         if FEATURE.capsule and kinds[b] == CAPSULE:
-            capsule_row(body, time, *scales, x, y, z, wall_part, gx, gy, gz)
+            capsule_row(body, time, scales, position, wall_part, gradients)
         if FEATURE.box and kinds[b] == BOX:
-            box_row(body, time, *scales, x, y, z, wall_part, gx, gy, gz)
+            box_row(body, time, scales, position, wall_part, gradients)
         if FEATURE.mesh_collider and kinds[b] == MESH:
-            mesh_row(body, time, *scales, x, y, z, wall_part, gx, gy, gz)
+            mesh_row(body, time, scales, position, wall_part, gradients)
         if FEATURE.distance_field and kinds[b] == FIELD:
-            field_row(body, time, *scales, x, y, z, wall_part, gx, gy, gz)
+            field_row(body, time, scales, position, wall_part, gradients)

@@ -54,8 +54,6 @@ class Cells:
     the numbers have one more entry at the end, the number of active particles.
     """
 
-    launches = 7  # of a sort and a search, without `bound`
-
     def __init__(self, real: Real, particles: int, neighbours: int, most: int, repeats: frozenset[str], stream: Stream,
                  flow: Any = None):  # fmt: skip
         self._real, self._stream, self._most = real, stream, np.int32(most)
@@ -78,6 +76,11 @@ class Cells:
 
     def _integers(self, count: int) -> DeviceArray:
         return self._new(np.zeros(count, np.int32))
+
+    @property
+    def sorting(self) -> int:
+        """Number of launches of `sort`."""
+        return 6 + (self._flow is not None)
 
     def bound(self, position: DeviceArray) -> None:
         """Compute the bounding boxes of quads, if no other launch has done it."""

@@ -16,7 +16,7 @@ from softlab.model.tables.flow import nozzle_points
 class Flow:
     """Emitters and sinks of a gpu_backend.fluid.solver.Fluid. `there` (particles,) int32: 1 if active, by number."""
 
-    launches = 6  # of a substep
+    emitting = 5  # launches of `emit`
 
     def __init__(self, simulation: Any):
         scene, real, count = simulation.scene, simulation.real, simulation.particle_count
@@ -52,8 +52,6 @@ class Flow:
 
     def emit(self, position: DeviceArray, velocity: DeviceArray, particle: DeviceArray, time: Arguments) -> None:
         """Emit the particles of a substep into the state; `time`: counter, place, substeps, substep."""
-        if not self._emits:
-            return
         kernels, flat = self.kernels, (self._blocks, THREADS, self._stream)
         kernels.due[1, 1, self._stream](*time, self._simulation.record, self._emitters, self._due, self._layers)
         kernels.rank[flat](self.there, self._due, self._ranks, self._sums)

@@ -127,8 +127,9 @@ def coming(e, emitters, due_now, starts, ranks, sums):
 
 
 @inlined_routine
-def write(slot, n, e, item, position, velocity, particle, emitters, points, due_now, layers):
+def write(slot, n, e, item, state, emitters, points, due_now, layers):
     """Write particle n, item number `item` of the nozzle, into slot `slot` of the state."""
+    position, velocity, particle = state
     row = np.int32(e * EMITTER_FIELDS)
     count = np.int32(emitters[row + E_COUNT])
     k = np.int32(due_now[e * DUE_FIELDS + D_LAYER] + item // count)
@@ -148,17 +149,15 @@ def emit(position, velocity, particle, there, starts, emitters, points, due_now,
     if due_now[count * DUE_FIELDS + D_NEEDED] > 0 and n < there.size and there[n] == 0:
         slot, alive = np.int32(0), particle[there.size]
         for e in range(count):
-            fluid_index, come = (
-                np.int32(emitters[e * EMITTER_FIELDS + E_FLUID]),
-                coming(e, emitters, due_now, starts, ranks, sums),
-            )
+            fluid_index = np.int32(emitters[e * EMITTER_FIELDS + E_FLUID])
+            come = coming(e, emitters, due_now, starts, ranks, sums)
             if starts[fluid_index] <= n and n < starts[fluid_index + 1]:
                 item = np.int32(waiting_before(n, ranks, sums) - waiting_before(starts[fluid_index], ranks, sums))
                 item = np.int32(item - due_now[e * DUE_FIELDS + D_BEFORE])
                 if item >= 0 and item < come:
                     there[n] = 1
-                    place = np.int32(alive + slot + item)
-                    write(place, n, np.int32(e), item, position, velocity, particle, emitters, points, due_now, layers)
+                    place, state = np.int32(alive + slot + item), (position, velocity, particle)
+                    write(place, n, np.int32(e), item, state, emitters, points, due_now, layers)
             slot = np.int32(slot + come)
 
 

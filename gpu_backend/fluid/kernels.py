@@ -26,7 +26,7 @@ from softlab.gpu_backend.core.integers import clock
 from softlab.gpu_backend.core.quads import SIZE, load_quad, store_quad
 from softlab.gpu_backend.core.world import World
 from softlab.gpu_backend.fluid.extent import extent
-from softlab.gpu_backend.fluid.lists import LANES, search
+from softlab.gpu_backend.fluid.lists import LANES, Grid, search
 from softlab.gpu_backend.fluid.sums import (
     List,
     both_added,
@@ -117,7 +117,7 @@ def find(position, record, keys, numbers, begins, table, neighbour_counts, beyon
     if k < there:
         p = load_quad(position, k)
         neighbour_counts[k], _ = search_alone(
-            k, p, position, record[0], keys[k], numbers, begins, table, particles, beyond, None
+            k, p, position, record[0], Grid(keys[k], numbers, begins), table, particles, beyond, None
         )
 
 
@@ -131,7 +131,7 @@ def prepare(
     if k < there:
         parameters, p = record[0], load_quad(position, k)
         count, (gx, gy, gz, squares, total) = search_and_sum(
-            k, p, position, parameters, keys[k], numbers, begins, table, particles, beyond, weights_of(fluids)
+            k, p, position, parameters, Grid(keys[k], numbers, begins), table, particles, beyond, weights_of(fluids)
         )
         neighbour_counts[k] = count
         _, number = clock(counter, place, substeps, substep)

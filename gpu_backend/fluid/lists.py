@@ -11,12 +11,12 @@ fast math.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import cuda
 
-from softlab.gpu_backend.core.device import simulated
+from softlab.gpu_backend.core.device import DeviceArray, simulated
 from softlab.gpu_backend.core.quads import load_quad
 from softlab.gpu_backend.fluid.sort_kernels import DEPTH, HEIGHT, WIDTH, WRAPS
 from softlab.model.base.variant import FEATURE, Open, inlined_routine, open_constant
@@ -31,6 +31,14 @@ ALL_BITS = np.uint32(0xFFFFFFFF)
 
 begun = open_constant("the sums without any neighbour")
 visit = Open("visit(sums, k, p, j, position, fluids, parameters): the sums with neighbour j")
+
+
+class Grid(NamedTuple):
+    """The cell of a particle in the grid: its key, counts of cells, and the first particle of each cell."""
+
+    key: Any
+    numbers: DeviceArray
+    begins: DeviceArray
 
 
 class Scales(NamedTuple):
@@ -150,13 +158,14 @@ def run(piece, x, y, z, numbers, begins):
 
 
 @inlined_routine
-def search(k, p, position, parameters, key, numbers, begins, table, particles, lost, fluids):
+def search(k, p, position, parameters, grid, table, particles, lost, fluids):
     """Return (number of neighbours in the list of particle k at p, at most FEATURE.neighbours; sums over them).
 
     The others are counted in `lost`. In exact math the lists equal the CPU's. For blocks of LANES threads at most.
     """
     words = cuda.shared.array(WORDS, np.uint32)  # a line each: the simulator identifies arrays by it
     firsts = cuda.shared.array(WORDS, np.int32)
+    key, numbers, begins = grid
     lane, line = np.uint32(cuda.threadIdx.x), np.int32(key // numbers[WIDTH])
     x, z = np.int32(key - line * numbers[WIDTH]), np.int32(line // numbers[HEIGHT])
     y = np.int32(line - z * numbers[HEIGHT])

@@ -148,7 +148,8 @@ def sum_correction(k, p, position, near_by, number, kinds, parameters):
 
 
 @inlined_routine
-def sum_friction(k, p, b, position, before, near_by, number, kinds, fluids, parameters, x, y, z):
+def sum_friction(k, quads, position, before, near_by, number, kinds, fluids, parameters, sums):
+    (p, b), (x, y, z) = quads, sums
     at, particle = np.int64(k), np.int32(number[k])
     grip, light = kinds[K_GRIP * number.size + particle], kinds[K_LIGHTNESS * number.size + particle]
     viscosity_here, wx, wy, wz = fluids[row(b[3]) + F_VISCOSITY], p[0] - b[0], p[1] - b[1], p[2] - b[2]
@@ -218,9 +219,7 @@ def correct(
         parameters = record[0]
         x, y, z = sum_correction(k, p, position, near_by, number, kinds, parameters)
         if FEATURE.viscosity:
-            x, y, z = sum_friction(
-                k, p, b, position, before, near_by, number, kinds, rows, parameters, x, y, z
-            )  # fmt: skip
+            x, y, z = sum_friction(k, (p, b), position, before, near_by, number, kinds, rows, parameters, (x, y, z))
         if number[k] >= fluids:
             at = np.int64(number[k] - fluids) * AXES
             shift[at], shift[at + 1], shift[at + 2] = x, y, z

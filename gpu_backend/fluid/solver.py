@@ -7,32 +7,32 @@ captured as a CUDA graph; `stages`, stage by stage. In `exact` math all give the
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numba import cuda
 
-from softlab.gpu_backend.core.device import Arguments, DeviceArray, Stream, simulated
+from softlab.gpu_backend.core.device import DeviceArray, Stream, simulated
 from softlab.gpu_backend.core.launch import Graphs, can_capture
 from softlab.gpu_backend.core.quads import SIZE
 from softlab.gpu_backend.core.simulation import NOTHING_BAD
 from softlab.gpu_backend.core.substeps import SubstepSimulation, launched_kernel
-from softlab.gpu_backend.fluid import divergence_free
-from softlab.gpu_backend.fluid.cells import Cells, Particles, cell_bytes
+from softlab.gpu_backend.fluid.cells import Cells, cell_bytes
+from softlab.gpu_backend.fluid.divergence_free import QUADS as FREE_QUADS
+from softlab.gpu_backend.fluid.divergence_free import SCALARS, DivergenceFreePasses
 from softlab.gpu_backend.fluid.flow import Flow
-from softlab.gpu_backend.fluid.kernels import WALL, make_density_kernels
+from softlab.gpu_backend.fluid.kernels import WALL
 from softlab.gpu_backend.fluid.lists import LANES, TOGETHER
-from softlab.gpu_backend.fluid.motion import make_begin, make_settle
-from softlab.gpu_backend.fluid.smoothing import make_smoothing
-from softlab.gpu_backend.fluid.sort_kernels import THREADS as SORT_THREADS
-from softlab.gpu_backend.fluid.stages import bind_fluid_stages
+from softlab.gpu_backend.fluid.passes import Launched, Passes, PositionPasses, fused_passes
 from softlab.gpu_backend.fluid.tools import make_fluid_tools
 from softlab.model.base.errors import SceneError
 from softlab.model.contact.cloth_parameters import collider_numbers
-from softlab.model.core.plan import Executor
+from softlab.model.core.plan import Executor, Moment
 from softlab.model.core.simulation import Options
 from softlab.model.fluid.parameters import MAX_NEIGHBOURS, fluid_rows, most_cells
-from softlab.model.fluid.plan import FLOWS, SHAPES, SMOOTHING, fluid_plan
+from softlab.model.fluid.passes import Run, Substep
+from softlab.model.fluid.plan import FLOWS, fluid_plan, substep_of
 from softlab.model.fluid.samples import Samples
 from softlab.model.fluid.simulation import FluidSimulation
 from softlab.model.geometry.particle_row import PARKED
@@ -47,6 +47,8 @@ class Fluid(FluidSimulation, SubstepSimulation):
     """Fluids on CUDA; model/core/simulation.py defines the contract. `threads` is the number of threads per block."""
 
     samples: Samples | None = None  # of solids: further particles behind those of the fluids
+    _schedule: list[list[tuple[Run, Launched]]]  # of a substep: before, in and after the iterations that a world drives
+    _moment: Moment
 
     def __init__(self, scene: Scene, options: Options, stream: Stream | None = None):
         super().__init__(scene, options, stream)
@@ -64,7 +66,7 @@ class Fluid(FluidSimulation, SubstepSimulation):
         count, item = self.particle_count, np.dtype(self.real).itemsize
         needed = item * count * (QUADS * SIZE + WALL + 3) + 12 * count
         if "divergence-free" in self.plan.parts:
-            needed += item * count * (divergence_free.QUADS * SIZE + divergence_free.SCALARS)
+            needed += item * count * (FREE_QUADS * SIZE + SCALARS)
         needed += cell_bytes(count, self.most_cells, self.neighbours, item)
         field = f"{self.scene.fluid_set.names[0]}.rest_distance"
         if max(self.most_cells, SIZE * count) > np.iinfo(np.int32).max:
@@ -108,23 +110,27 @@ class Fluid(FluidSimulation, SubstepSimulation):
     def _rows(self) -> np.ndarray:
         return fluid_rows(self.scene, self.real, self.samples is not None)
 
-    def _make_kernels(self) -> None:
-        variant = self.real, self.options.math, self.plan.parts
-        self._tools = make_fluid_tools(self.real, self.scene.dimensions, self.plan.parts & FLOWS)
-        self.begin, self.settling = make_begin(*variant, self.repeats), make_settle(*variant, self.repeats)
-        self.relaxing = make_density_kernels(*variant, self.repeats, self.neighbours)
-        self.free = divergence_free.DivergenceFree(self) if "divergence-free" in self.plan.parts else None
-        self.smoothing = None
-        if self.plan.parts & SMOOTHING and not self.free:
-            self.smoothing = make_smoothing(*variant, self.repeats, self.kernel != "stages")
+    def _make_passes(self) -> Passes:
+        """Compile the kernels of the passes of a substep."""
+        if "divergence-free" in self.plan.parts:
+            return DivergenceFreePasses(self)
+        return PositionPasses(self, () if self.kernel == "stages" else fused_passes(self.plan.parts))
 
     def _build(self) -> None:
         """Compile and load every kernel, by running it once on arrays that `reset` then overwrites."""
-        self._make_kernels()
+        self._tools = make_fluid_tools(self.real, self.scene.dimensions, self.plan.parts & FLOWS)
+        passes = self._make_passes()
         if self.kernel == "stages":
-            self._executor = Executor(self.plan, self.free.stages() if self.free else bind_fluid_stages(self).stages)
+            self._executor = Executor(self.plan, passes.stages())
             return
+        self._schedule = [passes.schedule(part) for part in self._substep_parts]
         self._executor = Executor(self.plan, {}, self._advance_steps)
+        self._warm_up()
+        if self.kernel == "graph" and can_capture():
+            self._graphs = Graphs(self.stream, self._launch, self._count_on)
+
+    def _warm_up(self) -> None:
+        """Run every kernel once."""
         if not simulated():
             self._upload(self.body.position, self.body.velocity)  # at one position all particles would be neighbours
             self._advance_steps(0, 1)
@@ -132,23 +138,8 @@ class Fluid(FluidSimulation, SubstepSimulation):
             if self.flow:
                 self.flow.forget()
             cuda.synchronize()
-        if self.kernel == "graph" and can_capture():
-            self._graphs = Graphs(self.stream, self._launch, self._count_on)
 
     # ------------------------------------------------------------------ a step
-
-    def predict(self, current: int, time: Arguments) -> Particles:
-        """Predict from the state `current`, into the other buffer and `corrected`. Returns (predicted, before, meant,
-        numbers), unsorted. `time`: counter, place, substeps, substep."""
-        other = 1 - current
-        predicted, predicted_velocity = self.position[other], self.velocity[other]
-        before = self.corrected if self.repeats else self.position[current]
-        self.begin[self.cells.blocks, SORT_THREADS, self.stream](
-            self.position[current], self.velocity[current], self.particle[current], self.cells.limit, self.record,
-            self.fluids, self.bodies, self.integers, *time, predicted, self.corrected, predicted_velocity, self.cells.boxes,
-            self.cells.counts,
-        )  # fmt: skip
-        return Particles(predicted, before, predicted_velocity, self.particle[current])
 
     @property
     def lists(self) -> tuple[Any, Any]:
@@ -156,60 +147,35 @@ class Fluid(FluidSimulation, SubstepSimulation):
         return self.cells.table, self.cells.neighbour_counts
 
     @property
-    def near(self) -> Arguments:
-        """The cells and their particles, and `lists`."""
-        return self.cells.sorted_keys, self.cells.numbers, self.cells.begins, *self.lists
+    def _substep_parts(self) -> tuple[Substep, Substep, Substep]:
+        """The passes that are launched before, in and after the iterations that a world drives: all before."""
+        return substep_of(self.plan.parts), (), ()
 
-    def _substep(self, place: int, substep: int) -> None:
-        """Launch one substep, from the current buffers into the others; `place`: of the step after the counter."""
-        time = self._counter, np.int64(place), np.int64(self.scene.method.substeps), np.int64(substep)
-        if self.free:
-            self._current = 1 - self._current
-            self.free.substep(self._current, time)
-            return
-        if self.flow:
-            now = self._current
-            self.flow.emit(self.position[now], self.velocity[now], self.particle[now], time)
-        predicted, flat, relaxing = self.predict(self._current, time), self._flat, self.relaxing
-        self._current = now = 1 - self._current
-        self.cells.sort(
-            self.record, predicted, Particles(self.sorted, self.before, self.predicted_velocity, self.particle[now])
-        )
-        world, a, b = (self.bodies, self.integers, *time), self.corrected, self.sorted
-        relaxing.prepare[flat](
-            b, self.record, *self.near, self.cells.counts, *self.relaxed, self.fluids, *world, a
-        )  # fmt: skip
-        for _ in range(self.scene.method.iterations - 1):
-            relaxing.correct[flat](self.before, a, self.record, *self.lists, self.gradients, self.fluids, *world, b)
-            relaxing.density[flat](b, self.record, *self.lists, *self.relaxed, *world)
-            a, b = b, a
-        position, velocity = self.position[now], self.velocity[now]
-        self.settling.settle[flat](
-            self.before, self.predicted_velocity, a, self.record, *self.lists, *self.relaxed[1:], self.fluids, *world,
-            position, self.predicted_velocity if self.smoothing else velocity,
-        )  # fmt: skip
-        if self.smoothing:
-            self.smooth(position, self.predicted_velocity, velocity)
+    def _launch_part(self, part: int, iteration: int = 0) -> None:
+        """Launch a part of the schedule in the substep that has begun."""
+        for run, launched in self._schedule[part]:
+            at = replace(self._moment, iteration=iteration + run.iteration, argument=run.argument)
+            launched.run(at)
 
-    def smooth(self, position: DeviceArray, velocity: DeviceArray, into: Any) -> None:
-        """Apply the effects of neighbours to velocities; overwrites `before` and `sorted`."""
-        assert self.smoothing is not None
-        normals, curls = self.before, self.sorted
-        if self.plan.parts & SHAPES:
-            self.smoothing.shape[self._flat](position, velocity, self.record, *self.lists, normals, curls)
-        self.smoothing.smooth[self._flat](
-            position, velocity, self.record, *self.lists, self.constraints, self.fluids, normals, curls, into
-        )
+    def begin_substep(self, place: int, substep: int) -> None:
+        """Launch the passes before the iterations (SubstepSimulation)."""
+        self._moment = Moment(place, substep, substeps=self.scene.method.substeps)
+        self._launch_part(0)
+
+    def iterate(self, iteration: int) -> None:
+        """Launch an iteration (SubstepSimulation)."""
+        self._launch_part(1, iteration)
+
+    def end_substep(self, place: int, substep: int) -> None:
+        """Launch the passes after the iterations (SubstepSimulation)."""
+        self._launch_part(2)
 
     @property
     def _launches(self) -> int:
         """Number of launches of a step."""
-        parts, method = self.plan.parts, self.scene.method
-        if self.free:
-            return method.substeps * (Cells.launches + self.free.launches)
-        ends = bool(parts & SMOOTHING) + bool(parts & SHAPES)
-        flow = Flow.launches if self.flow else 0
-        return method.substeps * (1 + Cells.launches + flow + 2 * method.iterations + ends)
+        begin, iteration, end = (sum(launched.launches for _, launched in part) for part in self._schedule)
+        method = self.scene.method
+        return method.substeps * (begin + method.iterations * iteration + end)
 
     # ------------------------------------------------------------------ the contract
 

@@ -79,8 +79,13 @@ class Joined:
                 self._members.append((member, indices, np.int64(first), launch))
 
     @property
-    def launches(self) -> int:
-        """Number of launches of `take` of positions only, and of `give`."""
+    def taking(self) -> int:
+        """Number of launches of `take` of positions only; there are twice as many if `fresh`."""
+        return len(self._members)
+
+    @property
+    def giving(self) -> int:
+        """Number of launches of `give`."""
         return len(self._members) + sum(member.inertial is not None for member, *_ in self._members)
 
     def take(self, fresh: bool) -> None:

@@ -133,8 +133,9 @@ class World(WorldSimulation, Launched):
         launches = sum(member._launches for member in self.members.values())
         if not self.joined or not self.contacts:
             return launches
-        each, method = self.joined.launches, self.scene.method
-        cross = 2 * each + self.contacts.finding + method.iterations * (2 * each + self.contacts.projecting)
+        joined, contacts, method = self.joined, self.contacts, self.scene.method
+        each = joined.taking + contacts.projecting + joined.giving
+        cross = 2 * joined.taking + contacts.finding + method.iterations * each
         return launches + method.substeps * cross
 
     # ------------------------------------------------------------------ the contract

@@ -14,12 +14,12 @@ from softlab.model.core.options import Options, unknown_kernel
 from softlab.model.core.simulation import Simulation
 from softlab.model.domains.slabs import Slabs, fluid_halo_of, slabs_of
 from softlab.model.domains.windows import WindowedSimulation
+from softlab.model.fluid.passes import LIMIT, PREDICT
 from softlab.model.fluid.simulation import FluidSimulation
 from softlab.model.scene.scene import Scene
 
 BALANCED_EVERY = 64  # steps
 NOTHING = np.zeros(0, np.uint8)
-PREDICTED, LAST = "predict", "limit velocities"  # stages: the bounding box is joined, owners send
 
 
 class SharedFluid(FluidSimulation, WindowedSimulation):
@@ -116,9 +116,9 @@ class SharedFluid(FluidSimulation, WindowedSimulation):
         for step in range(self.step, self.step + steps):
             for stage, moment in self.plan.moments(step):
                 self._each(methodcaller("run_stage", stage.name, moment))
-                if stage.name == PREDICTED:
+                if stage.name == PREDICT:
                     self._join_boxes()
-                elif stage.name == LAST:
+                elif stage.name == LIMIT:  # the last one
                     self._send(self.slabs, last=True)
             if (step + 1) % BALANCED_EVERY == 0:
                 self.balance()

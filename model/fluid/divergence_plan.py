@@ -32,52 +32,48 @@ column never comes to rest.)
 
 from __future__ import annotations
 
-from softlab.model.core.plan import Node, Stage
+from softlab.model.fluid.passes import (
+    ACCELERATE,
+    FIND,
+    FORESEE,
+    GATHER,
+    MOVE,
+    PUSH_APART,
+    RELAX,
+    SHAPE,
+    SHAPES,
+    SMOOTHING,
+    SORT,
+    SURVEY,
+    TAKE_UP,
+    Iterations,
+    Pass,
+    Scalars,
+    around,
+)
 from softlab.model.formulas.fluid import density, divergence, motion
 
 FIRST, SECOND = 0.0, 1.0  # arguments of the solves' stages
-
-
-def divergence_stages(
-    smooths: bool, shapes: bool, operations: dict[str, int], neighbours: float, axes: int, iterations: int
-) -> tuple[Stage | Node, ...]:
-    """Return the stages of a substep.
-
-    `operations` per particle: `find`, `forces`, `touch`; `neighbours`: neighbours. Numbers moved are per particle and axis,
-    with as many neighbours as at rest.
-    """
-    listed, gathered = round(neighbours / axes), round(neighbours)
-
-    def around(vectors: int) -> int:
-        """Return the numbers that a sum over neighbours reads, for `vectors` vectors of each."""
-        return 1 + vectors * gathered + listed
-
-    def solve(which: float) -> Node:
-        approach = round(neighbours * divergence.OPERATIONS_APPROACH)
-        push = round(neighbours * density.OPERATIONS_CORRECT)
-        pair = Stage("relax", around(2), 1, approach, which), Stage("push apart", around(1), 1, push, which)
-        return Node("iteration", pair, iterations)
-
-    both = round(neighbours * (density.OPERATIONS_DENSITY + divergence.OPERATIONS_APPROACH))
-    stages: list[Stage | Node] = [
-        Stage("gather", 2, 1, 2 * axes),
-        Stage("sort into cells", 4, 4, 4 * axes),
-        Stage("find neighbours", 1 + gathered, 1 + listed, operations["find"]),
-        Stage("density and divergence", around(2), 1, both),
-        solve(FIRST),
-        Stage("take up", 2, 1, divergence.OPERATIONS_MOVE),
-    ]
-    if shapes:
-        stages.append(Stage("normals and vorticity", 1 + around(2), 2, round(neighbours * motion.OPERATIONS_SHAPE)))
-    velocity = motion.OPERATIONS_VELOCITY + operations["forces"]
-    last = Stage("accelerate", 1, 1, velocity)
-    if smooths:
-        last = Stage("accelerate", 1 + around(2), 1, velocity + round(neighbours * motion.OPERATIONS_SMOOTH))
-    foresee = Stage("foresee density", around(2), 1, round(neighbours * divergence.OPERATIONS_APPROACH))
-    return (
-        *stages,
-        last,
-        foresee,
-        solve(SECOND),
-        Stage("move", 3, 2, divergence.OPERATIONS_MOVE + operations["touch"]),
-    )
+FORCED = {"particle": motion.OPERATIONS_VELOCITY, "force": 1}
+SEARCHED = {"candidate": density.OPERATIONS_FIND, "neighbour": density.OPERATIONS_FACTORS}
+SEARCH = Pass(FIND, Scalars(1, 1), Scalars(1, 0, 1), SEARCHED)
+SOLVE = (
+    Pass(RELAX, around(2), Scalars(1), {"neighbour": divergence.OPERATIONS_APPROACH}),
+    Pass(PUSH_APART, around(1), Scalars(1), {"neighbour": density.OPERATIONS_CORRECT}),
+)
+DIVERGENCE_FREE = (
+    Pass(GATHER, Scalars(2), Scalars(1), {"axis": 2}),
+    Pass(SORT, Scalars(4), Scalars(4), {"axis": 4}),
+    SEARCH,
+    Pass(SURVEY, around(2), Scalars(1), {"neighbour": density.OPERATIONS_DENSITY + divergence.OPERATIONS_APPROACH}),
+    Iterations(SOLVE, FIRST),
+    Pass(TAKE_UP, Scalars(2), Scalars(1), {"particle": divergence.OPERATIONS_MOVE}),
+    Pass(SHAPE, around(2, particle=2), Scalars(2), {"neighbour": motion.OPERATIONS_SHAPE}, needs=SHAPES),
+    Pass(ACCELERATE, Scalars(1), Scalars(1), FORCED, without=SMOOTHING),
+    Pass(
+        ACCELERATE, around(2, particle=2), Scalars(1), FORCED | {"neighbour": motion.OPERATIONS_SMOOTH}, needs=SMOOTHING
+    ),
+    Pass(FORESEE, around(2), Scalars(1), {"neighbour": divergence.OPERATIONS_APPROACH}),
+    Iterations(SOLVE, SECOND),
+    Pass(MOVE, Scalars(3), Scalars(2), {"particle": divergence.OPERATIONS_MOVE, "collider": 1}),
+)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from softlab.model.base.errors import SceneError
 from softlab.model.fluid.parameters import speed_limit
-from softlab.model.fluid.plan import SHAPES, SMOOTHING, fluid_parts
+from softlab.model.fluid.passes import SHAPES, SMOOTHING
+from softlab.model.fluid.plan import fluid_parts
 from softlab.model.scene.scene import Scene
 from softlab.model.tables.fluid import WIDER
 

@@ -1,4 +1,4 @@
-"""A substep of a fluid: its stages, and the order of every sum in it, which both backends follow.
+"""A substep of a fluid: its passes (POSITIONS), and the order of every sum in them, which both backends follow.
 
 The scheme `divergence-free` is in model/fluid/divergence_plan.py. Arrays are planes (x, y, z; in 2 dimensions z is 0
 throughout, and the rest is the same). `number` of a particle is its index in the scene's set. The state between
@@ -85,8 +85,30 @@ from math import pi
 
 from softlab.model.base.variant import features_of
 from softlab.model.core.own_forces import force_features, particle_forces
-from softlab.model.core.plan import Node, Plan, Stage
-from softlab.model.fluid.divergence_plan import divergence_stages
+from softlab.model.core.plan import Node, Plan
+from softlab.model.fluid.divergence_plan import DIVERGENCE_FREE, SEARCH
+from softlab.model.fluid.passes import (
+    CORRECT,
+    DENSITY,
+    EMIT,
+    FOLLOW,
+    LIMIT,
+    PREDICT,
+    PUSH,
+    SAMPLE,
+    SHAPE,
+    SHAPES,
+    SMOOTHING,
+    SORT,
+    UPDATE,
+    Iterations,
+    Pass,
+    Scalars,
+    Substep,
+    around,
+    chosen,
+    stages_of,
+)
 from softlab.model.formulas import colliders
 from softlab.model.formulas.fluid import density, motion
 from softlab.model.formulas.fluid.flow import OPERATIONS_SINK
@@ -95,9 +117,7 @@ from softlab.model.tables.cloth import COLLIDER_KINDS
 
 WALLS = COLLIDER_KINDS  # all add to a fluid's density
 LOOKED_AT = {2: 9, 3: 27}  # cells that a search visits
-SMOOTHING = frozenset({"viscosity", "cohesion", "surface-tension", "vorticity"})
 OPERATIONS_SAMPLE = 5  # per axis of a sample: three products and two sums
-SHAPES = frozenset({"surface-tension", "vorticity"})
 FLOWS = frozenset({"emitter", "sink"})
 OF_FLUIDS = {  # part of the plan -> field of a fluid that needs it
     "viscosity": "viscosity",
@@ -105,6 +125,34 @@ OF_FLUIDS = {  # part of the plan -> field of a fluid that needs it
     "surface-tension": "surface_tension",
     "vorticity": "vorticity_confinement",
 }
+SOLIDS = frozenset({"solids"})
+POSITIONS = (  # of the schemes that correct positions
+    Pass(EMIT, needs=frozenset({"emitter"})),
+    Pass(PREDICT, Scalars(2), Scalars(2), {"particle": motion.OPERATIONS_VELOCITY, "force": 1}),
+    Pass(SAMPLE, Scalars(2), Scalars(2), {"particle": OPERATIONS_SAMPLE}, needs=SOLIDS),
+    Pass(SORT, Scalars(4), Scalars(4), {"axis": 4, "sink": OPERATIONS_SINK}),
+    SEARCH,
+    Iterations(
+        (
+            Pass(FOLLOW, Scalars(1), Scalars(1), {"particle": OPERATIONS_SAMPLE}, needs=SOLIDS),
+            Pass(DENSITY, around(1), Scalars(1), {"neighbour": density.OPERATIONS_DENSITY}),
+            Pass(CORRECT, around(1), Scalars(1), {"neighbour": density.OPERATIONS_CORRECT, "collider": 1}),
+            Pass(PUSH, Scalars(2), Scalars(1), {"particle": 4}, needs=SOLIDS),
+        )
+    ),
+    Pass(UPDATE, Scalars(2), Scalars(1), {"particle": 20, "collider": 1}),
+    Pass(SHAPE, around(2, particle=2), Scalars(2), {"neighbour": motion.OPERATIONS_SHAPE}, needs=SHAPES),
+    Pass(LIMIT, Scalars(1), Scalars(2), {"particle": motion.OPERATIONS_VELOCITY}, without=SMOOTHING),
+    Pass(
+        LIMIT, around(2, particle=2), Scalars(2),
+        {"particle": motion.OPERATIONS_VELOCITY, "neighbour": motion.OPERATIONS_SMOOTH}, needs=SMOOTHING,
+    ),
+)  # fmt: skip
+
+
+def substep_of(parts: frozenset[str]) -> Substep:
+    """Return the passes of a substep, in order."""
+    return chosen(DIVERGENCE_FREE if "divergence-free" in parts else POSITIONS, parts)
 
 
 def periodic_axes(repeats: frozenset[str]) -> dict[str, bool]:
@@ -170,48 +218,14 @@ def fluid_plan(scene: Scene, live: frozenset[str] = frozenset(), solids: bool = 
     Numbers are per particle and axis, as in model/core/plan.py, with as many neighbours as at rest.
     """
     parts, axes = fluid_parts(scene, live, solids), scene.dimensions
-    neighbours, across = neighbours_at_rest(scene), scene.fluid_set.support / scene.fluid_set.spacing
-    looked_at = LOOKED_AT[axes] * across**axes
-    listed = round(neighbours / axes)  # of four bytes each, counted as scalars
-    gathered = round(neighbours)
-    touch = sum(colliders.OPERATIONS[kind] for kind, _ in scene.colliders)
-    forces = sum(force.operations for force in particle_forces(parts))
-    factors = round(neighbours * density.OPERATIONS_FACTORS)
-    if scene.method.scheme == "divergence-free":
-        find = round(looked_at * density.OPERATIONS_FIND) + factors
-        asked = bool(parts & SMOOTHING), bool(parts & SHAPES), {"find": find, "forces": forces, "touch": touch}
-        return _plan_of(scene, parts, divergence_stages(*asked, neighbours, axes, scene.method.iterations))
-    stages: list[Stage | Node] = [
-        *([Stage("emit", 0, 0, 0)] if "emitter" in parts else []),
-        Stage("predict", 2, 2, motion.OPERATIONS_VELOCITY + forces),
-        *((Stage("sample solids", 2, 2, OPERATIONS_SAMPLE),) if solids else ()),
-        Stage("sort into cells", 4, 4, 4 * axes + OPERATIONS_SINK * len(scene.sinks)),
-        Stage("find neighbours", 1 + gathered, 1 + listed, round(looked_at * density.OPERATIONS_FIND) + factors),
-    ]
-    iteration: tuple[Stage, ...] = (
-        Stage("density", 1 + gathered + listed, 1, round(neighbours * density.OPERATIONS_DENSITY)),
-        Stage("correct", 1 + gathered + listed, 1, round(neighbours * density.OPERATIONS_CORRECT) + touch),
-    )
-    if solids:
-        iteration = (Stage("follow solids", 1, 1, OPERATIONS_SAMPLE), *iteration, Stage("push solids", 2, 1, 4))
-    stages += [Node("iteration", iteration, scene.method.iterations), Stage("update velocity", 2, 1, 20 + touch)]
-    if parts & SHAPES:
-        stages.append(
-            Stage("normals and vorticity", 2 + 2 * gathered + listed, 2, round(neighbours * motion.OPERATIONS_SHAPE))
-        )
-    last = Stage("limit velocities", 1, 2, motion.OPERATIONS_VELOCITY)
-    if parts & SMOOTHING:
-        last = Stage(
-            "limit velocities",
-            2 + 2 * gathered + listed,
-            2,
-            last.operations + round(neighbours * motion.OPERATIONS_SMOOTH),
-        )
-    stages.append(last)
-    return _plan_of(scene, parts, tuple(stages))
-
-
-def _plan_of(scene: Scene, parts: frozenset[str], stages: tuple[Stage | Node, ...]) -> Plan:
-    root = Node("step", (Node("substep", stages, scene.method.substeps),))
+    counts = {
+        "particle": 1, "axis": axes, "neighbour": neighbours_at_rest(scene), "sink": len(scene.sinks),
+        "candidate": LOOKED_AT[axes] * (scene.fluid_set.support / scene.fluid_set.spacing) ** axes,
+        "force": sum(force.operations for force in particle_forces(parts)),
+        "collider": sum(colliders.OPERATIONS[kind] for kind, _ in scene.colliders),
+    }  # fmt: skip
+    method = scene.method
+    stages = stages_of(substep_of(parts), method.iterations, counts)
+    root = Node("step", (Node("substep", stages, method.substeps),))
     scalars = sum(stage.reads + stage.writes for stage in root.stages())
-    return Plan(root, scalars, parts, dimensions=scene.dimensions)
+    return Plan(root, scalars, parts, dimensions=axes)
