@@ -3,6 +3,8 @@ negative, which takes more instructions than the distance from a plane."""
 
 from __future__ import annotations
 
+from typing import SupportsInt
+
 import numpy as np
 
 from softlab.gpu_backend.core.device import simulated
@@ -24,7 +26,7 @@ B_SPIN, B_TURNS, B_TREE = np.uint64(signed.B_SPIN), np.uint64(signed.B_TURNS), n
 if simulated():
 
     @instruction
-    def row_at(array: np.ndarray, offset: int) -> np.ndarray:
+    def row_at(array: np.ndarray, offset: SupportsInt) -> np.ndarray:
         """Return the part of a flat array from `offset` on."""
         return array[int(offset) :]
 

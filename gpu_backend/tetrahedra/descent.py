@@ -96,7 +96,9 @@ class VertexBlockDescent(Tetrahedra):
             vbd.ACCELERATE: self._extrapolate,
         }
         holds = self.on_device(holding(self.scene.tetrahedra_set).astype(self.real))
-        spring_arrays = SpringArrays(*map(self.on_device, springs(self.scene.tetrahedra_set, "vbd").arrays(self.real)))
+        spring_arrays = SpringArrays._make(
+            map(self.on_device, springs(self.scene.tetrahedra_set, "vbd").arrays(self.real))
+        )
         for descent in descents(self.scene):
             self._bind(descent, spring_arrays, holds)
         super()._build()
@@ -106,10 +108,8 @@ class VertexBlockDescent(Tetrahedra):
         damped, put, count = DAMPED in self.plan.parts, self.on_device, len(descent.corners)
         kernels = make_visits(self.real, self.options.math, descent.number, damped, visited(self.plan.parts))
         values, strains = pack(descent.values.astype(self.real)), np.zeros(STRAINS * count * damped, self.real)
-        arrays = DescentArrays(
-            *map(put, (descent.order, descent.offsets, descent.entries, descent.falls, pack(descent.corners))),
-            put(values), put(strains), spring_arrays, holds, np.int32(count),
-        )  # fmt: skip
+        lists = (descent.order, descent.offsets, descent.entries, descent.falls, pack(descent.corners), values, strains)
+        arrays = DescentArrays._make([*map(put, lists), spring_arrays, holds, np.int32(count)])
         launch_of, material, vertices = self._launch_of, descent.material, np.int32(len(descent.order))
         if damped:
             launch_of[stage_name(vbd.STRAIN, material)] = partial(self._remember, kernels.remember, arrays)
@@ -127,7 +127,7 @@ class VertexBlockDescent(Tetrahedra):
         )
 
     def _remember(self, kernel: Kernel, arrays: DescentArrays, at: Substep) -> None:
-        kernel[self._over(int(arrays.count), THREADS)](at.before, arrays)
+        kernel[self._over(int(arrays.number), THREADS)](at.before, arrays)
 
     def _start_sweeps(self, kernel: Kernel, arrays: DescentArrays, vertices: np.int32, at: Substep) -> None:
         kernel[self._over(int(vertices), THREADS)](

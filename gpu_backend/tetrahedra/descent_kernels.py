@@ -34,7 +34,7 @@ NO_STRAINS, NO_SUMS = (0.0,) * STRAINS, (0.0,) * SUMS
 
 class DescentArrays(NamedTuple):
     """Arrays of a material: its vertices, ordered, with their lists of tetrahedra, 1 for those that fall freely; corners,
-    values and strains of its `count` tetrahedra. Of all materials: springs; stiffness that holds each particle [N/m]."""
+    values and strains of its `number` tetrahedra. Of all materials: springs; stiffness that holds each particle [N/m]."""
 
     order: DeviceArray
     offsets: DeviceArray
@@ -45,7 +45,7 @@ class DescentArrays(NamedTuple):
     strains: DeviceArray
     springs: SpringArrays
     holds: DeviceArray
-    count: np.int32
+    number: np.int32
 
 
 @routine
@@ -88,7 +88,7 @@ def strains_of(strains, count, t):
 @routine
 def remember(before, arrays):
     """Write the strains of a material's tetrahedra at the start of a substep."""
-    t, count = np.int32(cuda.grid(1)), np.int32(arrays.count)
+    t, count = np.int32(cuda.grid(1)), np.int32(arrays.number)
     if t < count:
         strain = initial_strain(points_of(before, arrays.corners, t), values_of(arrays.values, count, t))
         for n in unrolled(STRAINS):
@@ -112,7 +112,7 @@ def start(before, velocity, inertial, position, arrays, stop, record):
 def descend(before, inertial, position, arrays, first, stop, record, bodies, integers, time):
     """Visit the vertices `first` to before `stop` of the order, of one colour; `time`: arguments of `clock`."""
     parameters, strains = record[0], arrays.strains
-    k, count = np.int32(first + cuda.grid(1)), np.int32(arrays.count)
+    k, count = np.int32(first + cuda.grid(1)), np.int32(arrays.number)
     if k < stop:
         vertex, rate = arrays.order[k], parameters[RATE]
         sums = NO_SUMS

@@ -119,10 +119,8 @@ def solver_on_host(
         return np.zeros(numbers, real)
 
     quads, more, fast = SIZE * count, stage_vectors(parts), math != "exact"
-    vectors = Vectors(
-        zeros(0), zeros(0), *(zeros(quads) for _ in range(9)), zeros((1 + fast) * quads),
-        *(zeros(quads if number < more else 0) for number in range(3)),
-    )  # fmt: skip
+    sizes = (0, 0, *[quads] * 9, (1 + fast) * quads, *(quads if number < more else 0 for number in range(3)))
+    vectors = Vectors(*map(zeros, sizes))
     element_blocks = zeros(9 * (BLOCKS * len(corners) + len(springs.blocks)))
     element_blocks[9 * BLOCKS * len(corners) :] = springs.blocks.ravel()
     matrix = Matrix(
