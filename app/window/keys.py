@@ -7,7 +7,7 @@ from itertools import zip_longest
 
 SPACE = "space bodies tetrahedra fluid world"
 MASSES = "plane space tetrahedra world"
-KEYS = (  # key, its effect, and the subjects that have it: `BY_SUBJECT`; none: all
+KEYS = (  # key, its effect, and the subjects (View.subject) that have it; none: all
     ("G", "gravity on, off", ""),
     ("[ ]", "time step / 1.25, x 1.25", ""),
     ("{ }", "stiffness / 1.25, x 1.25", "plane space"),

@@ -139,18 +139,17 @@ def make_projections(compiler: Compiler, real: Real, projection: Projection, in_
     return variant(filled(project_run, {"project_one": one}))
 
 
-def make_colours(compiler: Compiler, projects: Sequence[Callable], runs: Sequence[int]) -> Callable:
+def make_colours(compiler: Compiler, projects: Sequence[Callable], runs: Sequence[int]) -> Callable | None:
     """Compile sweep(team, member, bands, position, weights, before, sets, fresh, parameters).
 
     It projects all constraints once, set by set and colour by colour. `projects`: make_projections of each set; `runs`:
-    of each; `sets`: their set_arrays, at least one.
+    of each; `sets`: their set_arrays. None without sets: who calls it leaves it out.
     """
     sweep: Callable | None = None
     for number in range(len(projects) - 1, -1, -1):
         features = {"number": number, "run": runs[number], "followed": sweep is not None}
         names = {"project": projects[number], "others": sweep}
         sweep = compiler.variant_of(np.float64, features)(filled(sweep_set, names))
-    assert sweep is not None
     return sweep
 
 
@@ -173,4 +172,5 @@ def make_sweep_stage(real: Real, math: str, projections: tuple[Projection, ...])
     compiler = Compiler(f"sweep_{np.dtype(real).name}_{math}", math)
     projects = [make_projections(compiler, real, projection, False) for projection in projections]
     sweep = make_colours(compiler, projects, [projection.run for projection in projections])
+    assert sweep is not None
     return compiler.team(sweep)

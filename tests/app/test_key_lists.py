@@ -16,7 +16,7 @@ SAME = {"NUM_ENTER": "Enter", "ENTER": "Enter", "ESCAPE": "Escape", "TAB": "Tab"
 
 def listed() -> set[str]:
     """The keys of the help of key H, of every kind of scene."""
-    words = [key for own, _ in keys.BY_SUBJECT.values() for key, _ in own] + [keys.WORLDS_KEY[0], "H"]
+    words = [key for key, _, _ in keys.KEYS] + [keys.WORLDS_KEY[0], "H"]
     return {part for word in words for part in word.split()} - MICE
 
 

@@ -39,8 +39,9 @@ def test_particles_keep_their_numbers_and_lists_hold_all_neighbours() -> None:
     with open_simulation(scene, initial=replace(start), threads=2, **EXACT) as simulation:
         assert np.array_equal(simulation.read("position"), start.position)
         simulation.advance(1)
-        (count, *_), state, _, _, _, (_, cell, _, order, _), lists, _ = simulation._world  # type: ignore[attr-defined]
-        number, neighbours, entries = state[2][:count], lists[0][:count], lists[2]
+        world = simulation._world  # type: ignore[attr-defined]
+        count, cell, order = world.sizes.particles, world.table.cell, world.table.order
+        number, neighbours, entries = world.state.number[:count], world.lists.neighbours[:count], world.lists.entries
         assert sorted(number) == list(range(count))
         key = cell[order[:count]]
         assert (np.diff(key) >= 0).all() and (np.diff(number)[np.diff(key) == 0] > 0).all()
@@ -58,9 +59,10 @@ def test_lists_are_those_of_all_pairs() -> None:
     start = replace(shaken(scene), velocity=np.zeros_like(shaken(scene).velocity))
     with open_simulation(scene, initial=start, threads=1, **EXACT) as simulation:
         simulation.advance(1)
-        (count, *_), state, _, _, _, _, lists, _ = simulation._world  # type: ignore[attr-defined]
+        world = simulation._world  # type: ignore[attr-defined]
+        count = world.sizes.particles
         told = np.empty(count, int)
-        told[state[2][:count]] = lists[0][:count]
+        told[world.state.number[:count]] = world.lists.neighbours[:count]
     pairs, _ = differences(scene, start.position)
     assert np.array_equal(told, np.bincount(pairs.ravel(), minlength=count))
 

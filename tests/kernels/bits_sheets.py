@@ -91,7 +91,7 @@ def grids() -> Iterator[Row]:
         if integrator not in ("explicit-euler", "semi-implicit-euler"):
             yield Row(
                 f"grid alternating {integrator}", partial(grid, integrator, 8, 9, ALTERNATING),
-                {CPU: 9, SIMULATOR: 9, GPU: 60}, on_cpu=on_cpu,
+                {CPU: 9, SIMULATOR: 9, GPU: 9 if integrator in UNSTABLE else 60}, on_cpu=on_cpu,
                 usual={SIMULATOR: SINGLE if integrator in ("taylor", "rk4") else DOUBLE},
             )  # fmt: skip
         yield Row(

@@ -71,7 +71,7 @@ DESCENT = mistakes_of({
     },
     "gpu_backend/tetrahedra/descent_kernels.py": {
         SIMULATED_VBD: {
-            "every colour visits the first one's vertices (gpu)": ("k, count = np.int32(first + cuda.grid(1)), np.int32(arrays.count)", "k, count = np.int32(cuda.grid(1)), np.int32(arrays.count)"),
+            "every colour visits the first one's vertices (gpu)": ("k, count = np.int32(first + cuda.grid(1)), np.int32(arrays.number)", "k, count = np.int32(cuda.grid(1)), np.int32(arrays.number)"),
             "strains of a damper are read by rows (gpu)": ("tuple(strains[np.uint32(np.int32(n * count) + t)]", "tuple(strains[np.uint32(np.int32(n + STRAINS * t))]"),
         },
         "simulator/test_simulated_bits.py::test_kernels_have_the_bits_of_the_cpu[vbd-meeting-float32]": {
