@@ -40,7 +40,7 @@ def assemble(first, last, number, position, target, before, rows, matrix, inputs
             inverted = inverse(blocks[n, 0], blocks[n, 1], blocks[n, 2], blocks[n, 4], blocks[n, 5], blocks[n, 8])
             for m in unrolled(6):
                 inverses[k, m] = inverted[m]
-            if not inverted[6]:
+            if not inverted[-1]:
                 bad = bad + 1.0
         sums[0, group] = bad
 

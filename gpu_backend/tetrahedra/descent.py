@@ -37,7 +37,7 @@ from softlab.model.tetrahedra.springs import SpringArrays, springs
 
 
 class Substep(NamedTuple):
-    """What launches of a substep read: positions and velocities at its start, positions that are iterated, velocities at its
+    """Arguments of a substep's launches: positions and velocities at its start, positions that are iterated, velocities at its
     end (quads); arguments of `clock`; number of the iteration."""
 
     before: DeviceArray

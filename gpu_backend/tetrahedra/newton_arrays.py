@@ -81,7 +81,7 @@ class Solver(NamedTuple):
 
 
 class Control(NamedTuple):
-    """What blocks share besides the solver: two alternating buffers of the sums of groups, one after the other; `flags`
+    """Memory of all blocks besides the solver: two alternating buffers of the sums of groups, one after the other; `flags`
     (1,) int32 of the barrier, 0 before a launch; `done` (DONE,) int64, which is incremented."""
 
     sums: Array

@@ -78,7 +78,7 @@ def settle_row(k, particles, solver, world, number):
         inverted = inverse(xx, xy, xz, yy, yz, zz)
         for n in unrolled(6):
             matrix.inverses[n * particles + k] = inverted[n]
-        if not inverted[6]:
+        if not inverted[-1]:
             bad = 1.0
     return bad
 

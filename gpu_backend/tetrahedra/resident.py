@@ -92,7 +92,7 @@ class Limits(NamedTuple):
 
 
 class Sweep(NamedTuple):
-    """What sweeps read besides the vertices: where the starts of colours are in `tables`, how many colours there are;
+    """Arguments of sweeps besides the vertices: the place of the starts of colours in `tables`, number of colours;
     `arrays`: (corners, values, multipliers) of `count` constraints; constants of the projection."""
 
     tables: DeviceArray
