@@ -37,8 +37,8 @@ from softlab.model.tetrahedra.springs import SpringArrays, springs
 
 
 class Substep(NamedTuple):
-    """Arguments of a substep's launches: positions and velocities at its start, positions that are iterated, velocities at its
-    end (quads); arguments of `clock`; number of the iteration."""
+    """Arguments of a substep's launches: positions and velocities at its start, positions that are iterated, velocities
+    at its end (quads); arguments of `clock`; number of the iteration."""
 
     before: DeviceArray
     velocity: DeviceArray
