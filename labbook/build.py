@@ -183,14 +183,33 @@ def _featured(results: Results, name: str) -> tuple[Claim, Results]:
 
 
 def _tables(make_tables: Callable[[Results], list[Table]], results: Results) -> list[Table]:
-    """Return tables, with the same fallback and mark as `marked_claim`."""
+    """Return tables, with the same fallback as `marked_claim`, and a mark at rows that would differ without measurements of
+    older code; at the title if all do, or it does."""
     for data in (results, results.committed):
         if data and (tables := make_tables(data)):
             current = without_older(data)
-            if current is not data and make_tables(current) != tables:
-                return [one | {"title": f"{one['title']} {OLDER}"} for one in tables]
-            return tables
+            return tables if current is data else marked_tables(tables, make_tables(current))
     return []
+
+
+def marked_tables(tables: list[Table], current: list[Table]) -> list[Table]:
+    """Mark what differs from the `current` tables, which rest on no older code."""
+    rows, titles = [row for one in current for row in one["rows"]], [one["title"] for one in current]
+    marked: list[Table] = []
+    for one in tables:
+        older = [row not in rows for row in one["rows"]]
+        if all(older) or one["title"] not in titles:
+            marked.append(one | {"title": f"{one['title']} {OLDER}"})
+        else:
+            rows_of_one = zip(one["rows"], older, strict=True)
+            marked.append(one | {"rows": [_first_marked(row, one["group"]) if m else row for row, m in rows_of_one]})
+    return marked
+
+
+def _first_marked(row: list[str], group: int) -> list[str]:
+    """Return a row with the mark behind its first text after those of its group."""
+    first = next(n for n, cell in enumerate(row) if cell and n >= group)
+    return [f"{cell} {OLDER}" if n == first else cell for n, cell in enumerate(row)]
 
 
 def notices(results: Results) -> list[str]:

@@ -15,14 +15,15 @@ from softlab.bench.experiments.group import DRAWN_BY
 from softlab.bench.store.database import Store
 from softlab.bench.store.results import Measure
 from softlab.labbook import grid_tables, listings
-from softlab.labbook.build import FOLDER, NOT_PRINTED, PICTURES
+from softlab.labbook.build import FOLDER, NOT_PRINTED, PICTURES, marked_tables
 from softlab.labbook.claims.comparison import crossing_drawing, renderer
 from softlab.labbook.facts import facts
+from softlab.labbook.tables import table
 from softlab.model.base.digest import ROOT
 from softlab.plots.core.colours import METHODS
 from softlab.plots.core.data import Results
 from softlab.plots.core.read import load
-from softlab.plots.core.style import settings
+from softlab.plots.core.style import OLDER, settings
 from softlab.plots.draw import FIGURES
 from softlab.plots.figures import bar, tetrahedra, tetrahedra_decides, tetrahedra_mesh, work_precision
 
@@ -161,3 +162,13 @@ def test_figures_are_printed_as_wide_as_they_are_drawn() -> None:
 def test_facts_explain_suspect_times_on_the_first_page() -> None:
     text = (FOLDER / "labbook.typ").read_text(encoding="utf-8")
     assert all(f'#fact("{name}")' in text and name in facts() for name in ("spread-limit", "shortest-sample"))
+
+
+def test_rows_that_rest_on_older_code_are_marked_and_a_title_only_if_all_do() -> None:
+    rows = [["S1", "0.1", "rk4"], ["", "0.01", "lab"], ["S5", "0.1", "lab"]]
+    winners = table("Winners", ("a", "b", "c"), rows, group=1)
+    (made,) = marked_tables([winners], [winners | {"rows": rows[:1]}])
+    assert made["rows"] == [rows[0], ["", f"0.01 {OLDER}", "lab"], ["S5", f"0.1 {OLDER}", "lab"]]
+    assert made["title"] == "Winners"
+    (made,) = marked_tables([winners], [])
+    assert made["title"] == f"Winners {OLDER}" and made["rows"] == rows

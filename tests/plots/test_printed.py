@@ -70,7 +70,13 @@ def table() -> list[dict[str, str]]:
     (made,) = book()["tables"]["answer"]
     rows, scene = [], ("", "")
     for cells in made["rows"]:
-        row = dict(zip(made["head"], (cell.replace("\N{NO-BREAK SPACE}", " ") for cell in cells), strict=True))
+        row = dict(
+            zip(
+                made["head"],
+                (cell.replace("\N{NO-BREAK SPACE}", " ").replace(" [older]", "") for cell in cells),
+                strict=True,
+            )
+        )
         scene = (row["Scene"], row["Masses"]) if row["Scene"] else scene
         rows.append(row | {"Scene": scene[0], "Masses": scene[1], "Title": made["title"]})
     return rows
