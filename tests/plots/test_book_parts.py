@@ -135,8 +135,8 @@ def test_the_book_shows_six_pictures_of_the_gallery() -> None:
 def test_a_method_has_one_colour_in_all_figures() -> None:
     for name, (colour, _) in (work_precision.INTEGRATORS | work_precision.IMPLICIT | work_precision.XPBD).items():
         assert colour == METHODS[name]
-    for table in (tetrahedra.STYLES, tetrahedra_decides.STYLES, tetrahedra_mesh.SOLVERS):
-        assert {table[name][1] for name in ("newton", "vbd")} == {METHODS["newton"], METHODS["vertex block descent"]}
+    for styles in (tetrahedra.STYLES, tetrahedra_decides.STYLES, tetrahedra_mesh.SOLVERS):
+        assert {styles[name][1] for name in ("newton", "vbd")} == {METHODS["newton"], METHODS["vertex block descent"]}
     assert {bar.CURVES[name][1] for name in bar.CURVES if "xpbd" in name} == {METHODS["xpbd"]}
     assert bar.CURVES["tetrahedra, newton"][1] == METHODS["newton"]
     explicit = [METHODS[name] for name in work_precision.INTEGRATORS]
