@@ -39,7 +39,7 @@ def draw(results: Results) -> Drawing:
             here = [bar for bar in measured if bar.young == young]
             drawn += _panel(ax, here)
             if not here:
-                ax.set_axis_off()
+                ax.tick_params(bottom=False, labelbottom=False, which="both")
                 ax.text(0.5, 0.5, "not measured", transform=ax.transAxes, ha="center", fontsize=8)
             ax.set_title(f"E = {young:.0e} Pa, {backend.upper()}".replace("e+0", "e"), fontsize=8)
         axes[0].set_ylabel("mesh + solver")
