@@ -39,7 +39,7 @@ def machine_code_key(calls: Iterable[Launch]) -> str:
     """One hash of the code of all kernels among the launches, each for the types of its arguments."""
     texts: dict[tuple[object, ...], str] = {}
     for call in calls:
-        types = tuple(map(_type_of, call.arguments))
+        types = tuple(map(type_of, call.arguments))
         if (id(call.kernel), types) not in texts:
             texts[id(call.kernel), types] = without_names(_code(call.kernel, types))
     return combined(map(_hash, texts.values()))
@@ -51,12 +51,16 @@ def _hash(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
-def _type_of(argument: object) -> object:
+def type_of(argument: object) -> object:
     from numba import typeof, types
     from numba.np.numpy_support import from_dtype
 
     if isinstance(argument, DeviceArray):
         return types.Array(from_dtype(argument.array.dtype), argument.array.ndim, "C")
+    if isinstance(argument, tuple):
+        members = tuple(map(type_of, argument))
+        named = hasattr(argument, "_fields")
+        return types.NamedTuple(members, type(argument)) if named else types.BaseTuple.from_types(members)
     return typeof(argument)
 
 

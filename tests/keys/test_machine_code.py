@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any, NamedTuple
 
+import numpy as np
 import pytest
+from numba import types
 from test_kernel_keys import backend, changed, tree  # noqa: F401
 
 from softlab.bench.keys.ask import keys_at
 from softlab.bench.keys.carry import by_machine_code, groups_of
-from softlab.bench.keys.machine_code import without_names
+from softlab.bench.keys.machine_code import type_of, without_names
+from softlab.bench.keys.record import DeviceArray
 from softlab.bench.store.results import configuration
 from softlab.model.base.digest import ROOT
 from softlab.model.scene.scene import load_scene
@@ -45,6 +49,19 @@ def test_only_names_that_a_text_defines_do_not_count() -> None:
     unread = PTX.replace("8.0\n", "8.0\n.common .global .align 8 .u64 _Z6kernelf__errcode__;\n")
     read = unread.replace("%tid.x", "_Z6kernelf__errcode__")
     assert without_names(unread) == without_names(PTX) and ".common" in without_names(read)
+
+
+class Arrays(NamedTuple):
+    position: Any
+    lists: Any
+
+
+def test_arrays_within_records_have_the_types_of_the_device() -> None:
+    position = DeviceArray(np.zeros((2, 3), np.float32))
+    of_record: Any = type_of(Arrays(position, (DeviceArray(np.zeros(2, np.int32)), 1)))
+    assert of_record.instance_class is Arrays
+    assert of_record.types[0] == types.Array(types.float32, 2, "C")
+    assert of_record.types[1] == types.Tuple((types.Array(types.int32, 1, "C"), types.int64))
 
 
 @pytest.mark.parametrize("old,new,same", [(LINE, NAMED, True), ("scale * dx", "scale * (dx + dx)", False)])
