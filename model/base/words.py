@@ -155,6 +155,8 @@ def scene_error(part: str, error: ValidationError, kind: type[Part]) -> SceneErr
         "model_type": 'must be a table of its fields, such as { name = "star" }',
     }
     allowed = words.get(first["type"], message)
+    if first["type"] == "float_type" and len(location) == 1 and (unit := notes_of(kind).get(location[0])):
+        allowed += f" ({unit})"
     if first["type"] == "greater_than":
         allowed = f"must be greater than {first['ctx']['gt']:g}"
     elif first["type"] == "greater_than_equal":
@@ -162,6 +164,7 @@ def scene_error(part: str, error: ValidationError, kind: type[Part]) -> SceneErr
     elif first["type"] == "less_than_equal":
         allowed = f"must be at most {first['ctx']['le']:.12g}"
     elif first["type"] == "literal_error":
-        allowed = f"must be one of {first['ctx']['expected'].replace(chr(39), '')}"
-        allowed += " (a word, not a table)" if isinstance(first["input"], dict) else ""
+        choices = first["ctx"]["expected"].replace("'", "")
+        near = suggestion(str(first["input"]), re.split(", | or ", choices))
+        allowed = f"must be one of {choices}{' (a word, not a table)' if isinstance(first['input'], dict) else near}"
     return SceneError(".".join([part, *_names(kind, first["loc"])]), first["input"], allowed)

@@ -53,11 +53,12 @@ RULES: tuple[tuple[str, str | Callable[[re.Match[str]], str], str], ...] = (
     (r"(=\s*)'([^'#]*[^\"'#\s])\"?" + END, r"\1'\2'", "a text ends with the quote that it begins with"),
     (r"\\", "/", "a backslash in quotes has another meaning: use /"),
     (r"(=\s*[+-]?\d+),(\d+)" + END, r"\1.\2", "decimals are separated by a point"),
+    (r"([{,][^={},]*=\s*[+-]?\d+),(\d+)(?=\s*[,}])", r"\1.\2", "decimals are separated by a point"),
     (r"([=\[,]\s*[+-]?)\.(\d)", r"\g<1>0.\2", "a digit stands on both sides of a decimal point"),
     (r"([=\[,]\s*[+-]?\d+)\.(?=\s*(?:[,\]#]|$))", r"\1.0", "a digit stands on both sides of a decimal point"),
     (r"([=\[,]\s*[+-]?)0+(\d)", r"\1\2", "a number does not begin with 0"),
     (r"[,;]" + END, "", "no comma or semicolon ends a line"),
-    (r"^([^={\[]+=[^={\[]*?[^,;\s])\s*[,;]?\s+([\w.-]+\s*=.*)$", r"\1\n\2", "each field has a line of its own"),
+    (r"^([^={\[]+=[^={\[]*?[^,;\s{\[])\s*[,;]?\s+([\w.-]+\s*=.*)$", r"\1\n\2", "each field has a line of its own"),
     (rf"^([\w.-]+\s*=\s*{NUMBER})\s*([^\s\d,\]}}#.][^,#]*)$", r"\1  # \2", "a number has no unit: put it in a comment"),
     (r"\(([^()]*)\)", r"[\1]", "lists stand in brackets: [ ]"),
     (r"(?<=[\d\"'\]])\s+(?=[\d\"'\[+-])", ", ", "values of a list are separated by commas"),
@@ -93,6 +94,8 @@ def plain_error(text: str, error: tomllib.TOMLDecodeError) -> str:
 def _line_number(lines: list[str], message: str) -> int:
     """Return the number of the line with the mistake: of a list that is not closed, the line where it begins."""
     place = PLACE.search(message)
+    if message.startswith("Unclosed array") and place and place[1] is None:
+        return next((k for k in range(len(lines), 0, -1) if FIELD.match(lines[k - 1])), len(lines))
     if place is None or place[1] is None:  # a quote that is not closed: from its line on all is text
         odd = (k for k, line in enumerate(lines, 1) if re.search(r"=\s*('[^']*|'''.*|\"\"\".*)$", line))
         return next(odd, len(lines))

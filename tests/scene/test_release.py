@@ -184,7 +184,10 @@ def test_the_step_size_must_hold_without_the_pins() -> None:
         (GRID | {"release": {"time": 1.0, "pins": "bottom"}}, "release.pins = 'bottom': names no pin of grid"),
         (GRID | {"release": {"time": 1.0, "pins": [[0, 9]]}}, "release.pins = [0, 9]: lies outside the sheet"),
         (GRID | {"release": {"time": 1.0, "body": "gird"}}, "must be one of grid (did you mean grid?)"),
-        (GRID | {"release": {"time": 1.0, "pins": "every:0"}}, "release.pins = 'every:0': must be one of none, top, bottom"),
+        (
+            GRID | {"release": {"time": 1.0, "pins": "every:0"}},
+            "release.pins = 'every:0': must be one of none, top, bottom",
+        ),
         (GRID | {"release": {"time": 1.0, "pins": [3]}}, "release.pins = [3]: names no pin of grid"),
         (FILE | {"release": {"time": 1.0, "pins": "left"}}, "release.pins = 'left': names no pin of mesh"),
         (FILE | {"release": {"time": 1.0, "pins": [[0, 0]]}}, "names no pin of mesh"),

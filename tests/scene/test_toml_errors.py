@@ -32,6 +32,9 @@ MISTAKES = (  # a line of a table, and what the message must say
     ("rows = 3 columns = 4", "write rows = 3 and, in the next line, columns = 4"),
     ("rows = 3,", "ends a line; write rows = 3"),
     ("x = 1,5", "point; write x = 1.5"),
+    ("springs = { stiffness = 20,0 }", "write springs = { stiffness = 20.0 }"),
+    ("a = { b = 1,5, c = 2 }", "write a = { b = 1.5, c = 2 }"),
+    ("springs = { stiffness = 20.0", "closed in its line; write springs = { stiffness = 20.0}"),
     ("x = .5", "write x = 0.5"),
     ("x = 5.", "write x = 5.0"),
     ("x = 05", "write x = 5"),
@@ -65,6 +68,7 @@ def test_a_mistake_is_explained_and_corrected(line: str, words: str) -> None:
 
 
 def test_a_list_of_several_lines_is_named_where_it_begins() -> None:
+    assert "line 2: size = [1.0, 2.0: a bracket" in message_of("[a]\nsize = [1.0, 2.0\n")
     assert "line 2: size = [1.0,: the list that begins here" in message_of("[a]\nsize = [1.0,\n  2.0\n[plane]\n")
 
 
