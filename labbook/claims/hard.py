@@ -34,7 +34,11 @@ def older_verdicts(rows: Sequence[HardRow], sources: Sequence[Source]) -> str:
         item.configuration for source in sources for item in older_items(source) if getattr(item, "name", "") == VERDICT
     }
     number_older = sum(row.configuration in older for row in rows)
-    return f" {count(number_older)} of {count(len(rows))} verdicts are of older sources." if 0 < number_older < len(rows) else ""
+    return (
+        f" {count(number_older)} of {count(len(rows))} verdicts are of older sources."
+        if 0 < number_older < len(rows)
+        else ""
+    )
 
 
 def count_verdicts(rows: Sequence[HardRow], sources: Sequence[Source] = ()) -> Claim:
