@@ -198,7 +198,9 @@ def marked_tables(tables: list[Table], current: list[Table]) -> list[Table]:
     marked: list[Table] = []
     for one in tables:
         older = [row not in rows for row in one["rows"]]
-        if all(older) or one["title"] not in titles:
+        if one in current:
+            marked.append(one)
+        elif all(older) or one["title"] not in titles:
             marked.append(one | {"title": f"{one['title']} {OLDER}"})
         else:
             rows_of_one = zip(one["rows"], older, strict=True)

@@ -172,3 +172,5 @@ def test_rows_that_rest_on_older_code_are_marked_and_a_title_only_if_all_do() ->
     assert made["title"] == "Winners"
     (made,) = marked_tables([winners], [])
     assert made["title"] == f"Winners {OLDER}" and made["rows"] == rows
+    nothing = table("Nothing", ("a",), [])
+    assert marked_tables([winners, nothing], [winners, nothing]) == [winners, nothing]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import statistics
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -61,6 +62,13 @@ def test_the_figure_shows_ratios_and_joules(results: Results) -> None:
     assert shown["2 GPUs, a grid each"] == [pytest.approx(2 * 16 / 17)]
     one = next(line for line in joules.get_lines() if line.get_label() == "one GPU")
     assert list(one.get_ydata()) == [pytest.approx(1e9 * 100 * 16e-6 / 2048**2)]  # mJ of a million
+
+
+def test_the_readers_machine_comes_before_one_with_more_points(results: Results) -> None:
+    (source,) = results.sources
+    mine = replace(source, measures=tuple(m for m in source.measures if m.description.get("link") != "nccl"))
+    both = Results((replace(source, by_user=False), mine))
+    assert [one.by_user for one, _ in figure.on_several_gpus(both)] == [True, False]
 
 
 def test_the_sentences_hold_what_was_put_in(results: Results) -> None:

@@ -35,10 +35,10 @@ def masses(p: Row) -> int:
 
 
 def on_several_gpus(results: Results) -> list[tuple[Source, list[Row]]]:
-    """Return the machines that distributed a sheet among GPUs and their points, the one with most points first. Raises
-    NotMeasured."""
+    """Return the machines that distributed a sheet among GPUs and their points: the reader's first, then those with most
+    points. Raises NotMeasured."""
     machines = [(source, timed_shared(source, "gpu")) for source in results.everyone]
-    return sorted(needed([one for one in machines if one[1]]), key=lambda one: -len(one[1]))
+    return sorted(needed([one for one in machines if one[1]]), key=lambda one: (not one[0].by_user, -len(one[1])))
 
 
 @as_figure("gpus", "Several GPUs", "no sheet was timed on several GPUs (softlab sweep --gpus 2)")
