@@ -52,6 +52,7 @@ def _hash(text: str) -> str:
 
 
 def type_of(argument: object) -> object:
+    """Return numba's type of an argument of a recorded call, also of records of arrays that would be on the device."""
     from numba import typeof, types
     from numba.np.numpy_support import from_dtype
 

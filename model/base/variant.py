@@ -496,7 +496,8 @@ class Variant:
         function, names = _parts(_formula(formula))
         known = {**vars(builtins), **function.__globals__, **names}
         rounded = self.product is not None and function.rounds_products
-        code, used, constants = _specialised(function, _asked(function, self.features), rounded)
+        features = _asked(function, self.features)
+        code, used, constants = _specialised(function, features, rounded)
         if undefined := sorted(used - known.keys() - constants.keys() - {PRODUCT}):
             raise NameError(
                 f"{place(function)}: the formula {function.__name__} uses {undefined[0]}, which is not defined"
@@ -507,7 +508,7 @@ class Variant:
         exec(code, space)
         copied = space[function.__name__]
         assert isinstance(copied, FunctionType)
-        copied.__dict__["softlab_formula"] = function, self.features, rounded  # of specialised_tree
+        copied.__dict__["softlab_formula"] = function, features, rounded  # of specialised_tree
         return copied
 
     def _within(self, value: object, caller: Marked) -> object:
@@ -585,7 +586,7 @@ def _specialised(
     function: Marked, features: FeatureSet, rounded: bool
 ) -> tuple[CodeType, frozenset[str], dict[str, float]]:
     """Return (code that defines a formula's copy, its global names, its float literals by the names they get)."""
-    definition, constants = _specialised_tree(function, features, rounded)
+    definition, constants = specialised_tree(function, features, rounded)
     tree = ast.fix_missing_locations(ast.Module([definition], []))
     nodes = [node for node in ast.walk(tree) if isinstance(node, ast.Name)]
     local = {node.id for node in nodes if isinstance(node.ctx, ast.Store)}
@@ -615,15 +616,9 @@ def check_returns(function: Callable, count: int, features: Mapping[str, int] | 
                 raise TypeError(f"{file}:{line}: {function.__name__} returns {number} values{where}, not {count}")
 
 
+@cache
 def specialised_tree(function: Marked, features: FeatureSet, rounded: bool) -> tuple[ast.FunctionDef, dict[str, float]]:
     """Return (a copy of a formula's tree, its float literals by the names that replace them). Both are kept: read only."""
-    return _specialised_tree(function, _asked(function, features), rounded)
-
-
-@cache
-def _specialised_tree(
-    function: Marked, features: FeatureSet, rounded: bool
-) -> tuple[ast.FunctionDef, dict[str, float]]:
     line, text, _ = _definitions(inspect.getfile(function))[function.__name__]
     definition = parsed("\n" * (line - 1) + text).body[0]
     assert isinstance(definition, ast.FunctionDef)

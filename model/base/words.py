@@ -164,7 +164,8 @@ def scene_error(part: str, error: ValidationError, kind: type[Part]) -> SceneErr
     elif first["type"] == "less_than_equal":
         allowed = f"must be at most {first['ctx']['le']:.12g}"
     elif first["type"] == "literal_error":
-        choices = first["ctx"]["expected"].replace("'", "")
-        near = suggestion(str(first["input"]), re.split(", | or ", choices))
-        allowed = f"must be one of {choices}{' (a word, not a table)' if isinstance(first['input'], dict) else near}"
+        choices = first["ctx"]["expected"]
+        near = suggestion(str(first["input"]), re.findall("'([^']*)'", choices))
+        allowed = f"must be one of {choices.replace(chr(39), '')}"
+        allowed += " (a word, not a table)" if isinstance(first["input"], dict) else near
     return SceneError(".".join([part, *_names(kind, first["loc"])]), first["input"], allowed)
